@@ -1,0 +1,5 @@
+//! stub
+/// stub
+pub struct MassSpringGizmosPlugin;
+/// stub
+pub struct MassSpringGizmos;

@@ -1,0 +1,79 @@
+//! Mass-spring physics for [Bevy](https://bevyengine.org): ropes, chains, cloth and jelly whose
+//! parameters are physical quantities (stiffness in N/m, damping in N·s/m, masses in kg).
+//!
+//! Add [`MassSpringPlugin`], spawn entities with [`Particle`], join them with [`Spring`]s:
+//!
+//! ```
+//! use bevy::prelude::*;
+//! use bevy_mass_spring::prelude::*;
+//!
+//! # let mut app = App::new();
+//! # app.add_plugins(MinimalPlugins);
+//! app.add_plugins(MassSpringPlugin::default());
+//! app.add_systems(Startup, |mut commands: Commands| {
+//!     let anchor = commands.spawn((Particle::new(1.0, 0.1), Pinned, Transform::from_xyz(0.0, 3.0, 0.0))).id();
+//!     let bob = commands.spawn((Particle::new(1.0, 0.1), Transform::from_xyz(0.0, 2.0, 0.0))).id();
+//!     commands.spawn(Spring::new(anchor, bob, 1.0).with_stiffness(200.0).with_damping(2.0));
+//!     commands.spawn(PlaneCollider::default()); // the ground, y = 0
+//! });
+//! # app.update();
+//! ```
+//!
+//! The position of a particle is its [`Transform`](bevy::prelude::Transform): whoever moves it moves
+//! the particle. [`Pinned`] particles go where their transform (or their moving parent) goes, and
+//! drag along what hangs from them. [`Environment`] holds gravity and the viscosity of the medium,
+//! [`SolverSettings`] the integration scheme, [`CollisionSettings`] what collides.
+//!
+//! One tick of Bevy's fixed clock runs three stages, [`MassSpringSystems`]: *Gather* copies the
+//! components into the flat arrays of the [`solver`], *Step* integrates them, *Scatter* copies back.
+//! [`TickReport`] says what the last tick did and what it cost.
+
+#![warn(missing_docs)]
+
+pub mod collider;
+pub mod diagnostics;
+#[cfg(feature = "drag")]
+pub mod drag;
+pub mod environment;
+#[cfg(feature = "gizmos")]
+pub mod gizmos;
+#[cfg(feature = "panel")]
+pub mod panel;
+pub mod parameter;
+pub mod particle;
+mod plugin;
+pub mod report;
+#[cfg(feature = "scene")]
+pub mod scene;
+pub mod settings;
+pub mod snapshot;
+pub mod solver;
+pub mod spring;
+mod sync;
+pub mod time_control;
+
+pub use plugin::{MassSpringPlugin, MassSpringSystems};
+
+/// What most users of the crate need, in one import.
+pub mod prelude {
+    pub use crate::collider::{CollisionSettings, Contact, PlaneCollider};
+    pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
+    #[cfg(feature = "drag")]
+    pub use crate::drag::ParticleDragPlugin;
+    pub use crate::environment::Environment;
+    #[cfg(feature = "gizmos")]
+    pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
+    #[cfg(feature = "panel")]
+    pub use crate::panel::MassSpringPanelPlugin;
+    pub use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+    pub use crate::report::{ParticleFault, TickReport};
+    #[cfg(feature = "scene")]
+    pub use crate::scene::{MassSpringScene, MassSpringSceneRoot};
+    pub use crate::settings::{Integrator, SolverSettings, Substeps};
+    pub use crate::snapshot::{RestoreInitialState, TakeInitialState};
+    pub use crate::spring::Spring;
+    pub use crate::time_control::SingleStep;
+    pub use crate::{MassSpringPlugin, MassSpringSystems};
+}
+#[doc(inline)]
+pub use prelude::*;

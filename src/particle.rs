@@ -1,0 +1,83 @@
+//! The components of a particle.
+
+use bevy::prelude::*;
+
+use crate::parameter::{self, InvalidParameter};
+
+/// A point mass, the unit of every rope, cloth and jelly.
+///
+/// Its position is the entity's [`Transform`] (in world space, seen through the parents if it has
+/// any); its velocity is [`ParticleVelocity`]. Add [`Pinned`] to fix it, [`AppliedForce`] to push it.
+///
+/// A particle with a bad value (see the fields) is left out of the simulation, with one warning that
+/// names it, until the value is mended.
+#[derive(Component, Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[require(Transform, ParticleVelocity)]
+pub struct Particle {
+    /// Mass in kg, finite and > 0. Default 1.
+    pub mass: f32,
+    /// Radius in m of the sphere that collides, finite and >= 0. Default 0.05.
+    ///
+    /// A particle of radius 0 collides with planes only.
+    pub radius: f32,
+}
+
+impl Particle {
+    /// A particle of `mass` in kg (> 0) and `radius` in m (>= 0).
+    pub const fn new(mass: f32, radius: f32) -> Self {
+        Self { mass, radius }
+    }
+
+    /// Checks that mass and radius are in their ranges.
+    ///
+    /// # Errors
+    /// Names the field at fault.
+    pub fn validate(&self) -> Result<(), InvalidParameter> {
+        parameter::positive("mass", self.mass)?;
+        parameter::non_negative("radius", self.radius)
+    }
+}
+
+impl Default for Particle {
+    fn default() -> Self {
+        Self::new(1.0, 0.05)
+    }
+}
+
+/// The velocity of a particle in m/s, in world space. Default 0.
+///
+/// That of a [`Pinned`] particle is written by the plugin: it is the velocity of its transform.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Deref, DerefMut)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct ParticleVelocity(pub Vec3);
+
+/// Gives a particle infinite mass: no force and no contact moves it.
+///
+/// It is moved by whoever moves its [`Transform`] or that of a parent, and what is tied to it is
+/// dragged along: the motion since the last tick is spread evenly over the substeps, and springs,
+/// dampers and contacts see its velocity.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct Pinned;
+
+/// A force in N that the game applies to a particle, in world space. Default 0.
+///
+/// It is added to gravity, viscosity and springs in each tick until it is changed or removed.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Deref, DerefMut)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct AppliedForce(pub Vec3);
+
+/// Marks a particle that the plugin took out of the simulation because its state became non-finite.
+///
+/// Its transform keeps the last finite position, and its springs act no more. The fault is reported
+/// once, as [`ParticleFault`](crate::report::ParticleFault) and in the log. Remove the component to
+/// let the particle back in.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct Quarantined;

@@ -1,0 +1,46 @@
+//! What the last tick did and what it cost.
+
+use std::time::Duration;
+
+use bevy::prelude::*;
+
+use crate::settings::Integrator;
+
+/// What the last tick did and what each stage of it cost. Written by the plugin once a tick.
+#[derive(Resource, Reflect, Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct TickReport {
+    /// Ticks that have run since the app started or the initial state was restored.
+    pub tick: u64,
+    /// The scheme that ran; never [`Integrator::Auto`] once a tick has run.
+    pub integrator: Integrator,
+    /// The number of substeps that ran.
+    pub substeps: u32,
+    /// Particles in the simulation.
+    pub particles: usize,
+    /// Springs in the simulation.
+    pub springs: usize,
+    /// Touching pairs at the end of the tick: particles with planes and particles with particles.
+    pub contacts: usize,
+    /// Particles [quarantined](crate::particle::Quarantined) since the app started or the initial
+    /// state was restored.
+    pub faults: usize,
+    /// Wall time of copying the components into the solver.
+    pub gather_time: Duration,
+    /// Wall time of the solver's step.
+    pub step_time: Duration,
+    /// Wall time of copying the solver's state back into the components.
+    pub scatter_time: Duration,
+}
+
+/// A particle's state became non-finite and it was [quarantined](crate::particle::Quarantined).
+#[derive(Message, Reflect, Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Debug, Clone, PartialEq)]
+pub struct ParticleFault {
+    /// The particle.
+    pub particle: Entity,
+    /// The tick in which it happened, counted as in [`TickReport::tick`].
+    pub tick: u64,
+}

@@ -1,0 +1,5 @@
+//! stub
+/// stub
+pub struct MassSpringScene;
+/// stub
+pub struct MassSpringSceneRoot;

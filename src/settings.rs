@@ -1,0 +1,153 @@
+//! Which integration scheme runs, and in how many substeps.
+
+use bevy::prelude::*;
+
+use crate::solver::Scheme;
+
+/// How a tick is integrated.
+///
+/// A named [`integrator`](Self::integrator) with [`Substeps::Fixed`] runs exactly that, whatever comes
+/// of it: explicit Euler may be watched exploding. The defaults never do.
+#[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct SolverSettings {
+    /// The integration scheme. Default [`Integrator::Auto`].
+    pub integrator: Integrator,
+    /// How many substeps a tick is divided into. Default [`Substeps::Auto`].
+    pub substeps: Substeps,
+}
+
+/// An integration scheme: how positions and velocities follow from accelerations.
+#[derive(Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default, Debug, Clone, PartialEq, Hash)]
+pub enum Integrator {
+    /// Stable for every stiffness, mass ratio and time step: [`SemiImplicitEuler`](Self::SemiImplicitEuler)
+    /// with at least as many substeps as its stability bound asks for.
+    #[default]
+    Auto,
+    /// x += h v, then v += h a(old state). First order; gains energy, and explodes if undamped.
+    ExplicitEuler,
+    /// v += h a, then x += h v(new). First order, symplectic: keeps energy within bounds.
+    SemiImplicitEuler,
+    /// x += h v + h²/2 a, v += h a. Exact for constant acceleration, first order otherwise.
+    SecondOrderTaylor,
+    /// x += h v + h²/2 a, v += h/2 (a(old) + a(new)). Second order, symplectic without damping.
+    VelocityVerlet,
+    /// The classical Runge–Kutta method: four evaluations of the forces, fourth order.
+    RungeKutta4,
+    /// Backward Euler. Not available in this version: refused with an error.
+    ImplicitEuler,
+    /// Extended position-based dynamics. Not available in this version: refused with an error.
+    Xpbd,
+}
+
+/// An integrator that this version of the crate names but does not have yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the integrator {0:?} is not available in this version of bevy_mass_spring")]
+pub struct UnavailableIntegrator(pub Integrator);
+
+impl Integrator {
+    /// Every integrator, in the order of their declaration.
+    pub const ALL: [Self; 8] = [
+        Self::Auto,
+        Self::ExplicitEuler,
+        Self::SemiImplicitEuler,
+        Self::SecondOrderTaylor,
+        Self::VelocityVerlet,
+        Self::RungeKutta4,
+        Self::ImplicitEuler,
+        Self::Xpbd,
+    ];
+
+    /// The solver's scheme of this name; `None` for [`Integrator::Auto`], which chooses at each tick.
+    ///
+    /// # Errors
+    /// [`UnavailableIntegrator`] for those that this version does not have.
+    pub fn scheme(self) -> Result<Option<Scheme>, UnavailableIntegrator> {
+        Ok(Some(match self {
+            Self::Auto => return Ok(None),
+            Self::ExplicitEuler => Scheme::ExplicitEuler,
+            Self::SemiImplicitEuler => Scheme::SemiImplicitEuler,
+            Self::SecondOrderTaylor => Scheme::SecondOrderTaylor,
+            Self::VelocityVerlet => Scheme::VelocityVerlet,
+            Self::RungeKutta4 => Scheme::RungeKutta4,
+            Self::ImplicitEuler | Self::Xpbd => return Err(UnavailableIntegrator(self)),
+        }))
+    }
+}
+
+impl std::fmt::Display for Integrator {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{self:?}")
+    }
+}
+
+/// A name that belongs to no [`Integrator`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no integrator is called {name:?}, expected one of {}", Integrator::ALL.map(|known| known.to_string()).join(", "))]
+pub struct UnknownIntegrator {
+    /// The name that was given.
+    pub name: String,
+}
+
+impl std::str::FromStr for Integrator {
+    type Err = UnknownIntegrator;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|integrator| integrator.to_string() == name)
+            .ok_or_else(|| UnknownIntegrator { name: name.to_owned() })
+    }
+}
+
+impl From<Scheme> for Integrator {
+    fn from(scheme: Scheme) -> Self {
+        match scheme {
+            Scheme::ExplicitEuler => Self::ExplicitEuler,
+            Scheme::SemiImplicitEuler => Self::SemiImplicitEuler,
+            Scheme::SecondOrderTaylor => Self::SecondOrderTaylor,
+            Scheme::VelocityVerlet => Self::VelocityVerlet,
+            Scheme::RungeKutta4 => Self::RungeKutta4,
+        }
+    }
+}
+
+/// How many equal substeps a tick is divided into.
+#[derive(Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default, Debug, Clone, PartialEq, Hash)]
+pub enum Substeps {
+    /// As many as the stability bound of the integrator asks for, and at least 4.
+    #[default]
+    Auto,
+    /// Exactly this many, >= 1. (With [`Integrator::Auto`]: at least this many.)
+    Fixed(u32),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_read_back() {
+        for integrator in Integrator::ALL {
+            assert_eq!(integrator.to_string().parse(), Ok(integrator));
+        }
+        let error = "Leapfrog".parse::<Integrator>().unwrap_err();
+        assert!(error.to_string().contains("Leapfrog") && error.to_string().contains("VelocityVerlet"));
+    }
+
+    #[test]
+    fn schemes_read_back_and_missing_ones_are_refused() {
+        for integrator in Integrator::ALL {
+            match integrator.scheme() {
+                Ok(Some(scheme)) => assert_eq!(Integrator::from(scheme), integrator),
+                Ok(None) => assert_eq!(integrator, Integrator::Auto),
+                Err(error) => assert!(error.to_string().contains(&integrator.to_string())),
+            }
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! The spring between two particles.
+
+use bevy::prelude::*;
+
+use crate::parameter::{self, InvalidParameter};
+
+/// A damped spring between two particles, on an entity of its own.
+///
+/// With d the unit vector from the second particle to the first, it pulls the first with
+/// −[`stiffness`](Self::stiffness) · (length − [`rest_length`](Self::rest_length)) d
+/// −[`damping`](Self::damping) · (relative velocity · d) d, and the second with the opposite
+/// (Hooke's law with a dashpot along the spring). Two particles in the very same place feel no force:
+/// there is no direction then.
+///
+/// A spring whose particles do not exist or whose values are bad is left out of the simulation, with
+/// one warning that names it, until it is mended.
+#[derive(Component, Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Debug, Clone, PartialEq)]
+pub struct Spring {
+    /// The two ends: two different entities with a [`Particle`](crate::particle::Particle).
+    #[entities]
+    pub particles: [Entity; 2],
+    /// The length in m at which it exerts no force, finite and >= 0.
+    pub rest_length: f32,
+    /// Stiffness k in N/m, finite and >= 0. Default 1000.
+    pub stiffness: f32,
+    /// Damping along the spring in N·s/m, finite and >= 0. Default 1.
+    pub damping: f32,
+}
+
+impl Spring {
+    /// The stiffness that [`Spring::new`] gives, in N/m.
+    pub const DEFAULT_STIFFNESS: f32 = 1000.0;
+    /// The damping that [`Spring::new`] gives, in N·s/m.
+    pub const DEFAULT_DAMPING: f32 = 1.0;
+
+    /// A spring between `first` and `second` with `rest_length` in m and the default stiffness and damping.
+    pub const fn new(first: Entity, second: Entity, rest_length: f32) -> Self {
+        Self {
+            particles: [first, second],
+            rest_length,
+            stiffness: Self::DEFAULT_STIFFNESS,
+            damping: Self::DEFAULT_DAMPING,
+        }
+    }
+
+    /// The same spring with another stiffness, in N/m.
+    pub const fn with_stiffness(mut self, stiffness: f32) -> Self {
+        self.stiffness = stiffness;
+        self
+    }
+
+    /// The same spring with another damping, in N·s/m.
+    pub const fn with_damping(mut self, damping: f32) -> Self {
+        self.damping = damping;
+        self
+    }
+
+    /// Checks that rest length, stiffness and damping are in their ranges.
+    ///
+    /// # Errors
+    /// Names the field at fault.
+    pub fn validate(&self) -> Result<(), InvalidParameter> {
+        parameter::non_negative("rest_length", self.rest_length)?;
+        parameter::non_negative("stiffness", self.stiffness)?;
+        parameter::non_negative("damping", self.damping)
+    }
+}
