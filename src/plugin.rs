@@ -80,9 +80,16 @@ impl Plugin for MassSpringPlugin {
                 (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter).chain(),
             )
             .add_plugins(time_control::plugin);
+        #[cfg(feature = "scene")]
+        app.add_plugins(crate::scene::plugin);
         register_types(app);
         #[cfg(feature = "interpolation")]
         self.build_interpolation(app);
+    }
+
+    #[cfg(feature = "scene")]
+    fn finish(&self, app: &mut App) {
+        crate::scene::finish(app);
     }
 }
 

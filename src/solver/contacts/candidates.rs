@@ -1,0 +1,262 @@
+//! The pairs of particles that may touch, kept as long as nobody has moved far (a Verlet list).
+//!
+//! Each particle is given a *skin*: a pair is a candidate when their spheres, skins included, overlap.
+//! Until a particle has moved by more than its skin no other pair can touch, so the grid is rebuilt
+//! only then; a settled pile never rebuilds it. (Verlet, *Phys. Rev.* 159, 98, 1967.)
+
+use bevy::math::Vec3;
+
+use crate::solver::particles::{Particles, Vectors};
+
+use super::grid::Grid;
+
+/// The thinnest skin, as a part of the particle's radius.
+const THIN_SKIN: f32 = 0.25;
+
+/// The thickest, for particles that move fast.
+const THICK_SKIN: f32 = 1.0;
+
+/// What is remembered of a pair from substep to substep: the impulses that held it apart.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Memory {
+    /// Normal impulse, N·s, >= 0.
+    pub normal: f32,
+    /// Friction impulse, N·s.
+    pub friction: Vec3,
+}
+
+/// The candidate pairs (a, b), a < b, sorted.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Candidates {
+    /// `starts[a]..starts[a + 1]` are the candidates of a.
+    starts: Vec<u32>,
+    others: Vec<u32>,
+    memories: Vec<Memory>,
+    grid: Grid,
+    found: Vec<(u32, u32)>,
+    old: OldPairs,
+    /// Positions at the time of the last rebuild.
+    origins: Vectors,
+    skins: Vec<f32>,
+    stale: bool,
+}
+
+/// The pairs before a rebuild, from which the memories are carried over.
+#[derive(Debug, Clone, Default)]
+struct OldPairs {
+    starts: Vec<u32>,
+    others: Vec<u32>,
+    memories: Vec<Memory>,
+}
+
+impl Candidates {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.starts.clear();
+        self.others.clear();
+        self.memories.clear();
+        self.stale = true;
+    }
+
+    /// The particles were renumbered or changed in radius: `new_slots[old]` is the new slot of each,
+    /// in the same order as before; `None` for those that are gone.
+    pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
+        let mut starts = vec![0; count + 1];
+        let (mut others, mut memories) = (Vec::new(), Vec::new());
+        for (old, new) in new_slots.iter().enumerate() {
+            let Some(new) = new else { continue };
+            for pair in self.range(old) {
+                if let Some(Some(other)) = new_slots.get(self.others[pair] as usize) {
+                    others.push(*other);
+                    memories.push(self.memories[pair]);
+                    starts[*new as usize + 1] += 1;
+                }
+            }
+        }
+        for slot in 0..count {
+            starts[slot + 1] += starts[slot];
+        }
+        (self.starts, self.others, self.memories) = (starts, others, memories);
+        self.stale = true;
+    }
+
+    /// Asks for a rebuild: a radius has changed.
+    pub fn invalidate(&mut self) {
+        self.stale = true;
+    }
+
+    /// Makes the list good for the present positions, for a while that lasts `time_step` seconds.
+    pub fn refresh(&mut self, particles: &Particles, time_step: f32) {
+        if self.stale || self.skins.len() != particles.len() || self.outrun(particles) {
+            self.rebuild(particles, time_step);
+        }
+    }
+
+    /// The pairs in order: (a, b, index of the pair).
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        (0..self.starts.len().saturating_sub(1))
+            .flat_map(move |a| self.range(a).map(move |pair| (a, self.others[pair] as usize, pair)))
+    }
+
+    /// What is remembered of a pair.
+    pub fn memory(&self, pair: usize) -> Memory {
+        self.memories[pair]
+    }
+
+    /// Forgets the impulses of every pair.
+    pub fn forget_all(&mut self) {
+        self.memories.fill(Memory::default());
+    }
+
+    /// Remembers `memory` for a pair.
+    pub fn remember(&mut self, pair: usize, memory: Memory) {
+        self.memories[pair] = memory;
+    }
+
+    fn range(&self, a: usize) -> std::ops::Range<usize> {
+        match self.starts.get(a..a + 2) {
+            Some(bounds) => bounds[0] as usize..bounds[1] as usize,
+            None => 0..0,
+        }
+    }
+
+    /// Whether somebody has moved by more than its skin.
+    fn outrun(&self, particles: &Particles) -> bool {
+        (0..particles.len()).any(|slot| {
+            let moved = particles.position.get(slot).distance_squared(self.origins.get(slot));
+            moved > self.skins[slot] * self.skins[slot]
+        })
+    }
+
+    fn rebuild(&mut self, particles: &Particles, time_step: f32) {
+        self.stale = false;
+        self.origins.copy_from(&particles.position);
+        self.skins.clear();
+        self.skins.extend(particles.radius.iter().enumerate().map(|(slot, &radius)| {
+            if radius == 0.0 {
+                return f32::INFINITY;
+            }
+            let travel = particles.velocity.get(slot).length() * time_step;
+            travel.clamp(THIN_SKIN * radius, THICK_SKIN * radius)
+        }));
+
+        let Self { grid, found, skins, .. } = self;
+        found.clear();
+        let spheres = (0..particles.len())
+            .filter(|slot| particles.radius[*slot] > 0.0)
+            .map(|slot| (slot as u32, particles.position.get(slot), particles.radius[slot] + skins[slot]));
+        grid.for_each_pair(spheres, |a, b| {
+            if particles.inverse_mass[a as usize] + particles.inverse_mass[b as usize] > 0.0 {
+                found.push((a.min(b), a.max(b)));
+            }
+        });
+        self.sort_found(particles.len());
+        self.recall();
+    }
+
+    /// Sorts the pairs that the grid found by their first, then their second particle.
+    fn sort_found(&mut self, count: usize) {
+        std::mem::swap(&mut self.starts, &mut self.old.starts);
+        std::mem::swap(&mut self.others, &mut self.old.others);
+        std::mem::swap(&mut self.memories, &mut self.old.memories);
+        self.starts.clear();
+        self.starts.resize(count + 1, 0);
+        for (a, _) in &self.found {
+            self.starts[*a as usize] += 1;
+        }
+        let mut total = 0;
+        for start in &mut self.starts {
+            total += *start;
+            *start = total;
+        }
+        self.others.clear();
+        self.others.resize(self.found.len(), 0);
+        for (a, b) in &self.found {
+            let start = &mut self.starts[*a as usize];
+            *start -= 1;
+            self.others[*start as usize] = *b;
+        }
+        for bounds in self.starts.windows(2) {
+            self.others[bounds[0] as usize..bounds[1] as usize].sort_unstable();
+        }
+    }
+
+    /// Carries the memories of the old pairs over to the new ones; both are sorted.
+    fn recall(&mut self) {
+        self.memories.clear();
+        self.memories.resize(self.others.len(), Memory::default());
+        for (a, bounds) in self.starts.windows(2).enumerate() {
+            let Some(old_bounds) = self.old.starts.get(a..a + 2) else { continue };
+            let mut old = old_bounds[0] as usize;
+            for pair in bounds[0] as usize..bounds[1] as usize {
+                while old < old_bounds[1] as usize && self.old.others[old] < self.others[pair] {
+                    old += 1;
+                }
+                if old < old_bounds[1] as usize && self.old.others[old] == self.others[pair] {
+                    self.memories[pair] = self.old.memories[old];
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(spacing: f32, count: usize) -> Particles {
+        let mut particles = Particles::default();
+        for slot in 0..count {
+            particles.push(Vec3::X * spacing * slot as f32, Vec3::ZERO, 1.0, 0.5);
+        }
+        particles
+    }
+
+    fn listed(candidates: &Candidates) -> Vec<(usize, usize)> {
+        candidates.pairs().map(|(a, b, _)| (a, b)).collect()
+    }
+
+    #[test]
+    fn memories_survive_rebuilding_and_renumbering() {
+        let mut particles = row(1.0, 4);
+        let mut candidates = Candidates::default();
+        candidates.refresh(&particles, 0.01);
+        assert_eq!(listed(&candidates), [(0, 1), (1, 2), (2, 3)]);
+        let memory = Memory { normal: 7.0, friction: Vec3::X };
+        candidates.remember(2, memory);
+
+        particles.position.set(0, Vec3::X * -5.0);
+        candidates.refresh(&particles, 0.01);
+        assert_eq!(listed(&candidates), [(1, 2), (2, 3)]);
+        assert_eq!(candidates.memory(1), memory);
+
+        candidates.renumber(&[None, Some(0), Some(1), Some(2)], 3);
+        assert_eq!(listed(&candidates), [(0, 1), (1, 2)]);
+        assert_eq!(candidates.memory(1), memory);
+    }
+
+    #[test]
+    fn the_list_is_good_until_a_skin_is_outrun() {
+        let mut particles = row(1.5, 2);
+        let mut candidates = Candidates::default();
+        candidates.refresh(&particles, 0.01);
+        assert_eq!(listed(&candidates), []);
+        particles.position.set(1, Vec3::X * 1.38);
+        candidates.refresh(&particles, 0.01);
+        assert_eq!(listed(&candidates), [], "still within the skin of 0.125 m");
+        particles.position.set(1, Vec3::X * 1.2);
+        candidates.refresh(&particles, 0.01);
+        assert_eq!(listed(&candidates), [(0, 1)]);
+    }
+
+    #[test]
+    fn points_and_two_pinned_particles_never_collide() {
+        let mut particles = row(0.5, 3);
+        particles.radius[0] = 0.0;
+        particles.inverse_mass[1] = 0.0;
+        particles.inverse_mass[2] = 0.0;
+        let mut candidates = Candidates::default();
+        candidates.refresh(&particles, 0.01);
+        assert_eq!(listed(&candidates), []);
+    }
+}

@@ -1,0 +1,205 @@
+//! Collisions: of particles with planes and with each other, after each substep.
+//!
+//! Every contact is answered in three steps: the particles are *projected* out of each other (the
+//! correction shared by mass), the approaching part of their velocity is removed, and given back with
+//! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
+//! mass. The files: `response.rs` the formulas, `grid.rs` and `candidates.rs` who may touch whom,
+//! `pairs.rs` and `plane.rs` the two kinds of contact.
+
+mod candidates;
+mod grid;
+mod pairs;
+mod plane;
+mod response;
+
+use bevy::math::Vec3;
+
+use super::StepSettings;
+use super::particles::{Particles, Vectors};
+use candidates::Candidates;
+use pairs::PairContact;
+pub use plane::{Plane, Pose};
+use plane::{PlaneContact, Surface};
+use response::Rebound;
+
+/// Rounds over the pairs in each substep.
+const VELOCITY_ROUNDS: usize = 2;
+
+/// How particles collide with each other.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PairRules {
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f32,
+    /// Coefficient of Coulomb friction, >= 0.
+    pub friction: f32,
+}
+
+/// A contact in one substep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactRecord {
+    /// Slot of the particle that is pushed along the normal.
+    pub slot: usize,
+    /// What it touches.
+    pub other: ContactPartner,
+    /// Where, m.
+    pub point: Vec3,
+    /// Unit vector towards the particle.
+    pub normal: Vec3,
+    /// Normal impulse, N·s.
+    pub impulse: f32,
+}
+
+/// What a particle touches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ContactPartner {
+    /// The plane of this index in [`Contacts::planes`].
+    Plane(usize),
+    /// The particle in this slot.
+    Particle(usize),
+}
+
+/// The planes, the contacts, and what is remembered of them from substep to substep.
+#[derive(Debug, Clone, Default)]
+pub struct Contacts {
+    /// The planes.
+    pub planes: Vec<Plane>,
+    /// Whether contacts are recorded.
+    pub recording: bool,
+    /// The contacts of all substeps of the last tick, if they are recorded.
+    pub records: Vec<ContactRecord>,
+    candidates: Candidates,
+    pair_contacts: Vec<PairContact>,
+    plane_contacts: Vec<PlaneContact>,
+    surfaces: Vec<Surface>,
+    /// Positions at the start of the substep; kept only where something rubs.
+    previous: Vectors,
+}
+
+impl Contacts {
+    /// Touching pairs at the end of the last substep: of particles and of particles with planes.
+    pub fn count(&self) -> usize {
+        self.pair_contacts.len() + self.plane_contacts.len()
+    }
+
+    /// Forgets all impulses and candidates, as if the simulation had just started.
+    pub fn forget(&mut self) {
+        self.candidates.clear();
+    }
+
+    /// To be called when a radius or a mass has changed.
+    pub fn invalidate(&mut self) {
+        self.candidates.invalidate();
+    }
+
+    /// To be called when particles were added or removed: `new_slots[old]` is the new slot of each
+    /// particle, `None` for those that are gone; the order of those that stay must be unchanged.
+    /// `count` is their new number.
+    pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
+        self.candidates.renumber(new_slots, count);
+    }
+
+    pub(super) fn begin_tick(&mut self, settings: &StepSettings) {
+        self.records.clear();
+        self.pair_contacts.clear();
+        self.plane_contacts.clear();
+        if settings.pair_rules.is_none() {
+            self.candidates.clear();
+        }
+    }
+
+    /// Keeps the positions from which friction measures how far things slipped.
+    pub(super) fn begin_substep(&mut self, particles: &Particles, settings: &StepSettings) {
+        let rubbing_planes =
+            settings.collide_with_planes && self.planes.iter().any(|plane| plane.friction > 0.0);
+        let rubbing_pairs = settings.pair_rules.is_some_and(|rules| rules.friction > 0.0);
+        if rubbing_planes || rubbing_pairs {
+            self.previous.copy_from(&particles.position);
+        }
+    }
+
+    /// Answers all contacts at the end of a substep, the fraction `elapsed` of the tick having passed.
+    pub(super) fn resolve(
+        &mut self,
+        particles: &mut Particles,
+        settings: &StepSettings,
+        substep: f32,
+        elapsed: f32,
+    ) {
+        self.find(particles, settings, substep, elapsed);
+        if self.count() == 0 {
+            return;
+        }
+        self.solve_velocities(particles, settings.pair_rules);
+        if let Some(rules) = settings.pair_rules {
+            pairs::solve_positions(&self.pair_contacts, rules, particles, &self.previous);
+            pairs::remember(&self.pair_contacts, &mut self.candidates);
+        }
+        for contact in &self.plane_contacts {
+            let surface = &self.surfaces[contact.plane];
+            plane::solve_position(contact, surface, particles, &self.previous, substep);
+        }
+        if self.recording {
+            self.record(particles);
+        }
+    }
+
+    fn find(&mut self, particles: &Particles, settings: &StepSettings, substep: f32, elapsed: f32) {
+        let velocity_lag = settings.scheme.velocity_lag();
+        self.plane_contacts.clear();
+        self.surfaces.clear();
+        if settings.collide_with_planes {
+            for (index, plane) in self.planes.iter().enumerate() {
+                let surface = plane.surface(elapsed, settings.time_step);
+                plane::find(index, &surface, particles, substep, velocity_lag, &mut self.plane_contacts);
+                self.surfaces.push(surface);
+            }
+        }
+        if let Some(rules) = settings.pair_rules {
+            self.candidates.refresh(particles, settings.time_step);
+            let rebound = Rebound { restitution: rules.restitution, substep, velocity_lag };
+            pairs::find(&mut self.candidates, particles, rebound, &mut self.pair_contacts);
+        }
+    }
+
+    fn solve_velocities(&mut self, particles: &mut Particles, rules: Option<PairRules>) {
+        if let Some(rules) = rules.filter(|_| !self.pair_contacts.is_empty()) {
+            pairs::warm_start(&mut self.pair_contacts, particles);
+            for _ in 0..VELOCITY_ROUNDS {
+                // The planes come first, so that a pair does not take for an escape what is only the
+                // load of the pile above it.
+                self.solve_plane_velocities(particles);
+                pairs::solve_velocities(&mut self.pair_contacts, rules, particles);
+            }
+        }
+        self.solve_plane_velocities(particles);
+    }
+
+    fn solve_plane_velocities(&mut self, particles: &mut Particles) {
+        for contact in &mut self.plane_contacts {
+            plane::solve_velocity(contact, &self.surfaces[contact.plane], particles);
+        }
+    }
+
+    fn record(&mut self, particles: &Particles) {
+        for contact in &self.plane_contacts {
+            let normal = self.surfaces[contact.plane].normal;
+            self.records.push(ContactRecord {
+                slot: contact.slot,
+                other: ContactPartner::Plane(contact.plane),
+                point: particles.position.get(contact.slot) - normal * particles.radius[contact.slot],
+                normal,
+                impulse: contact.impulse,
+            });
+        }
+        for contact in &self.pair_contacts {
+            let normal = contact.normal;
+            self.records.push(ContactRecord {
+                slot: contact.first,
+                other: ContactPartner::Particle(contact.second),
+                point: particles.position.get(contact.first) - normal * particles.radius[contact.first],
+                normal,
+                impulse: contact.impulses.normal,
+            });
+        }
+    }
+}

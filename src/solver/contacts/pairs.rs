@@ -1,0 +1,143 @@
+//! Particles against particles: finding the touching pairs and solving them.
+//!
+//! Velocities are solved by sequential impulses: each contact in turn is given the impulse that
+//! brings its normal velocity to the wanted one, for a few rounds, starting from the impulses of the
+//! substep before (Catto, *Iterative dynamics with temporal coherence*, 2005). One contact alone comes
+//! out exactly as the formula of an impact of two bodies says; the start from the last impulses is what
+//! lets a pile rest.
+
+use bevy::math::Vec3;
+
+use crate::solver::particles::{Particles, Vectors};
+
+use super::PairRules;
+use super::candidates::{Candidates, Memory};
+use super::response::{Approach, Rebound, friction, tangential};
+
+/// A pair that touches.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PairContact {
+    pub first: usize,
+    pub second: usize,
+    /// Index among the candidates.
+    pair: usize,
+    /// From the second to the first.
+    pub normal: Vec3,
+    target_velocity: f32,
+    pub impulses: Memory,
+}
+
+/// The unit vector from `second` to `first`; +Y for two particles in the same place.
+fn normal_between(first: Vec3, second: Vec3) -> (Vec3, f32) {
+    let separation = first - second;
+    let distance = separation.length();
+    if distance == 0.0 {
+        return (Vec3::Y, 0.0);
+    }
+    (separation / distance, distance)
+}
+
+/// Finds the touching pairs among the candidates, and forgets the impulses of the others.
+pub(super) fn find(
+    candidates: &mut Candidates,
+    particles: &Particles,
+    rebound: Rebound,
+    found: &mut Vec<PairContact>,
+) {
+    let touching = candidates.pairs().filter_map(|(first, second, pair)| {
+        let (position, radius) = (&particles.position, &particles.radius);
+        let reach = radius[first] + radius[second];
+        let separation = position.get(first) - position.get(second);
+        if separation.length_squared() > reach * reach {
+            return None;
+        }
+        let (normal, distance) = normal_between(position.get(first), position.get(second));
+        let relative = |vectors: &Vectors| (vectors.get(first) - vectors.get(second)).dot(normal);
+        let approach = Approach {
+            velocity: relative(&particles.velocity),
+            acceleration: relative(&particles.acceleration),
+            depth: (reach - distance).max(0.0),
+        };
+        let target_velocity = if approach.velocity < 0.0 { rebound.velocity_after(approach) } else { 0.0 };
+        let impulses = candidates.memory(pair);
+        Some(PairContact { first, second, pair, normal, target_velocity, impulses })
+    });
+    found.clear();
+    found.extend(touching);
+    candidates.forget_all();
+}
+
+/// Applies the impulses of the last substep.
+pub(super) fn warm_start(contacts: &mut [PairContact], particles: &mut Particles) {
+    for contact in contacts {
+        // The normal has turned a little since: keep what is tangential to it now.
+        contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
+        let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
+        push_apart(contact, impulse, particles);
+    }
+}
+
+/// One round over all contacts.
+pub(super) fn solve_velocities(contacts: &mut [PairContact], rules: PairRules, particles: &mut Particles) {
+    for contact in contacts {
+        let (first, second, normal) = (contact.first, contact.second, contact.normal);
+        let inverse_mass = particles.inverse_mass[first] + particles.inverse_mass[second];
+        let relative = particles.velocity.get(first) - particles.velocity.get(second);
+
+        let old = contact.impulses;
+        let wanted = (contact.target_velocity - relative.dot(normal)) / inverse_mass;
+        contact.impulses.normal = (old.normal + wanted).max(0.0);
+        if rules.friction > 0.0 {
+            let sticking = old.friction - tangential(relative, normal) / inverse_mass;
+            let limit = rules.friction * contact.impulses.normal;
+            contact.impulses.friction = sticking.clamp_length_max(limit);
+        }
+        let change =
+            normal * (contact.impulses.normal - old.normal) + (contact.impulses.friction - old.friction);
+        push_apart(contact, change, particles);
+    }
+}
+
+fn push_apart(contact: &PairContact, impulse: Vec3, particles: &mut Particles) {
+    let (first, second) = (contact.first, contact.second);
+    particles.velocity.add(first, impulse * particles.inverse_mass[first]);
+    particles.velocity.add(second, impulse * -particles.inverse_mass[second]);
+}
+
+/// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
+/// where they stuck.
+///
+/// `previous` are the positions at the start of the substep, empty where there is no friction.
+pub(super) fn solve_positions(
+    contacts: &[PairContact],
+    rules: PairRules,
+    particles: &mut Particles,
+    previous: &Vectors,
+) {
+    for contact in contacts {
+        let (first, second) = (contact.first, contact.second);
+        let position = &particles.position;
+        let (normal, distance) = normal_between(position.get(first), position.get(second));
+        let depth = particles.radius[first] + particles.radius[second] - distance;
+        if depth <= 0.0 {
+            continue;
+        }
+        let mut correction = normal * depth;
+        if rules.friction > 0.0 {
+            let moved = |slot: usize| position.get(slot) - previous.get(slot);
+            let slip = tangential(moved(first) - moved(second), normal);
+            correction += friction(slip, rules.friction * depth);
+        }
+        let (first_share, second_share) = (particles.inverse_mass[first], particles.inverse_mass[second]);
+        let correction = correction / (first_share + second_share);
+        particles.position.add(first, correction * first_share);
+        particles.position.add(second, correction * -second_share);
+    }
+}
+
+/// Remembers the impulses for the next substep.
+pub(super) fn remember(contacts: &[PairContact], candidates: &mut Candidates) {
+    for contact in contacts {
+        candidates.remember(contact.pair, contact.impulses);
+    }
+}

@@ -1,0 +1,134 @@
+//! Particles as a structure of arrays.
+
+use bevy::math::Vec3;
+
+/// One vector a particle, stored as three arrays.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Vectors {
+    /// The x components.
+    pub x: Vec<f32>,
+    /// The y components.
+    pub y: Vec<f32>,
+    /// The z components.
+    pub z: Vec<f32>,
+}
+
+impl Vectors {
+    /// The number of vectors.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+
+    /// The vector in slot `index`.
+    #[inline]
+    pub fn get(&self, index: usize) -> Vec3 {
+        Vec3::new(self.x[index], self.y[index], self.z[index])
+    }
+
+    /// Replaces the vector in slot `index`.
+    #[inline]
+    pub fn set(&mut self, index: usize, value: Vec3) {
+        self.x[index] = value.x;
+        self.y[index] = value.y;
+        self.z[index] = value.z;
+    }
+
+    /// Adds `value` to the vector in slot `index`.
+    #[inline]
+    pub fn add(&mut self, index: usize, value: Vec3) {
+        self.x[index] += value.x;
+        self.y[index] += value.y;
+        self.z[index] += value.z;
+    }
+
+    /// Appends a vector.
+    pub fn push(&mut self, value: Vec3) {
+        self.x.push(value.x);
+        self.y.push(value.y);
+        self.z.push(value.z);
+    }
+
+    /// Makes it `count` vectors; new ones are zero.
+    pub fn resize(&mut self, count: usize) {
+        for axis in self.axes_vec() {
+            axis.resize(count, 0.0);
+        }
+    }
+
+    /// Becomes a copy of `other`, without allocating if it is large enough already.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.x.clone_from(&other.x);
+        self.y.clone_from(&other.y);
+        self.z.clone_from(&other.z);
+    }
+
+    /// The three arrays, to be treated alike.
+    #[inline]
+    pub fn axes(&self) -> [&[f32]; 3] {
+        [&self.x, &self.y, &self.z]
+    }
+
+    /// The three arrays, to be treated alike.
+    #[inline]
+    pub fn axes_mut(&mut self) -> [&mut [f32]; 3] {
+        [&mut self.x, &mut self.y, &mut self.z]
+    }
+
+    fn axes_vec(&mut self) -> [&mut Vec<f32>; 3] {
+        [&mut self.x, &mut self.y, &mut self.z]
+    }
+}
+
+/// The particles, one slot each.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Particles {
+    /// Positions, m.
+    pub position: Vectors,
+    /// Velocities, m/s.
+    pub velocity: Vectors,
+    /// The user's forces, N, constant over a tick.
+    pub applied_force: Vectors,
+    /// Accelerations of the last evaluation of the forces, m/s².
+    pub acceleration: Vectors,
+    /// 1 / mass, 1/kg; 0 for a pinned particle.
+    pub inverse_mass: Vec<f32>,
+    /// Radii, m.
+    pub radius: Vec<f32>,
+}
+
+impl Particles {
+    /// The number of particles.
+    pub fn len(&self) -> usize {
+        self.radius.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.radius.is_empty()
+    }
+
+    /// Appends a particle: position in m, velocity in m/s, mass in kg (`f32::INFINITY`: pinned), radius in m.
+    pub fn push(&mut self, position: Vec3, velocity: Vec3, mass: f32, radius: f32) {
+        self.position.push(position);
+        self.velocity.push(velocity);
+        self.applied_force.push(Vec3::ZERO);
+        self.acceleration.push(Vec3::ZERO);
+        self.inverse_mass.push(1.0 / mass);
+        self.radius.push(radius);
+    }
+
+    /// Makes it `count` particles; new ones are pinned at the origin until they are filled in.
+    pub fn resize(&mut self, count: usize) {
+        self.position.resize(count);
+        self.velocity.resize(count);
+        self.applied_force.resize(count);
+        self.acceleration.resize(count);
+        self.inverse_mass.resize(count, 0.0);
+        self.radius.resize(count, 0.0);
+    }
+}
