@@ -19,6 +19,9 @@ use bevy_egui::{
 
 use crate::MassSpringSystems;
 use crate::diagnostics::MassSpringDiagnosticsPlugin;
+use crate::particle::Particle;
+use crate::snapshot::RestoreInitialState;
+use crate::spring::Spring;
 
 /// The panel at the right of the window.
 ///
@@ -114,6 +117,40 @@ impl AppPanelSection for App {
         let mut panel = self.world_mut().get_resource_or_init::<MassSpringPanel>();
         panel.sections.push((title, id));
         self
+    }
+}
+
+/// Restarts as [`RestoreInitialState`] does, but keeps the present parameters of particles and springs.
+///
+/// They are then compared from the same start, as the settings are, which no restart touches.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RestartWithParameters;
+
+impl Command for RestartWithParameters {
+    type Out = ();
+
+    fn apply(self, world: &mut World) {
+        let particles: Vec<(Entity, Particle)> = world
+            .query::<(Entity, &Particle)>()
+            .iter(world)
+            .map(|(entity, particle)| (entity, *particle))
+            .collect();
+        let springs: Vec<(Entity, Spring)> = world
+            .query::<(Entity, &Spring)>()
+            .iter(world)
+            .map(|(entity, spring)| (entity, *spring))
+            .collect();
+        RestoreInitialState.apply(world);
+        for (entity, particle) in particles {
+            if let Some(mut restored) = world.get_mut::<Particle>(entity) {
+                restored.set_if_neq(particle);
+            }
+        }
+        for (entity, spring) in springs {
+            if let Some(mut restored) = world.get_mut::<Spring>(entity) {
+                restored.set_if_neq(spring);
+            }
+        }
     }
 }
 

@@ -3,11 +3,11 @@
 use bevy::prelude::*;
 use bevy_egui::egui::{self, Color32, RichText, Ui};
 
+use super::RestartWithParameters;
 use super::history::History;
 use super::widgets::number;
 use crate::diagnostics::Measurements;
 use crate::report::TickReport;
-use crate::snapshot::RestoreInitialState;
 use crate::time_control::SingleStep;
 
 /// The buttons, and the state of the clock.
@@ -27,8 +27,8 @@ pub(super) fn draw_transport(
         if ui.add_enabled(paused, egui::Button::new("⏭ Step")).clicked() {
             single_step.request();
         }
-        if ui.button("⟲ Restart").clicked() {
-            commands.queue(RestoreInitialState);
+        if ui.button("⟲ Restart").on_hover_text("positions and velocities; the parameters stay").clicked() {
+            commands.queue(RestartWithParameters);
         }
         let seconds = report.tick as f64 * fixed_time.timestep().as_secs_f64();
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

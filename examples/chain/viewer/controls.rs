@@ -1,6 +1,7 @@
 //! The keys of the lab.
 
 use bevy::prelude::*;
+use bevy_mass_spring::panel::RestartWithParameters;
 use bevy_mass_spring::prelude::*;
 
 /// Adds the keys.
@@ -8,7 +9,8 @@ pub fn plugin(app: &mut App) {
     app.add_systems(Update, (control_time, toggle_physics, quit));
 }
 
-/// Enter starts and pauses, Space makes one step while paused, Home restarts.
+/// Enter starts and pauses, Space makes one step while paused, Home restarts from the
+/// initial scene, with the parameters as they are now.
 fn control_time(
     keys: Res<ButtonInput<KeyCode>>,
     mut time: ResMut<Time<Virtual>>,
@@ -22,7 +24,7 @@ fn control_time(
         single_step.request();
     }
     if keys.just_pressed(KeyCode::Home) {
-        commands.queue(RestoreInitialState);
+        commands.queue(RestartWithParameters);
     }
 }
 
