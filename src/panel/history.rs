@@ -42,7 +42,7 @@ impl History {
     /// The mean cost of a tick in ms: gather, step, scatter.
     pub(super) fn mean_cost(&self) -> [f64; 3] {
         let count = self.cost.len().max(1) as f64;
-        std::array::from_fn(|stage| self.cost.iter().map(|cost| cost[stage]).sum::<f64>() / count)
+        std::array::from_fn(|stage| self.cost.iter().fold(0.0, |sum, cost| sum + cost[stage]) / count)
     }
 
     fn record_energy(&mut self, time: f64, measurements: &Measurements) {
@@ -73,7 +73,16 @@ impl History {
     }
 }
 
-/// Records one tick. A tick counter that runs backwards means a restart: the past is forgotten.
+/// A tick counter that runs backwards means a restart: the past is forgotten.
+pub(super) fn forget_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
+    if report.tick < history.last_tick {
+        history.energy.clear();
+        history.tension.clear();
+        history.last_tick = report.tick;
+    }
+}
+
+/// Records one tick.
 pub(super) fn record_history(
     mut history: ResMut<History>,
     time: Res<Time>,
@@ -81,9 +90,6 @@ pub(super) fn record_history(
     springs: Query<&Spring>,
     particles: Query<(&Transform, &ParticleVelocity), With<Particle>>,
 ) {
-    if report.tick < history.last_tick {
-        history.energy.clear();
-    }
     history.last_tick = report.tick;
     history.record_energy(time.elapsed_secs_f64(), &measurements);
     history.record_cost(&report);

@@ -46,6 +46,7 @@ impl Plugin for MassSpringPanelPlugin {
         }
         app.init_resource::<MassSpringPanel>()
             .init_resource::<history::History>()
+            .add_systems(PreUpdate, history::forget_after_restart)
             .add_systems(FixedLast, history::record_history.after(MassSpringSystems::Scatter))
             .add_systems(EguiPrimaryContextPass, draw_panel.in_set(MassSpringPanelSystems));
     }
@@ -171,6 +172,7 @@ fn draw_panel(world: &mut World) {
             .default_size(area.size())
             .movable(false)
             .constrain(false)
+            .fade_in(false)
             .show(&context, |ui| draw_contents(ui, world, area.size(), &panel.sections));
     }
     let corner = |corner: egui::Pos2| Vec2::new(corner.x, corner.y);

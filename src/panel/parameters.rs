@@ -5,7 +5,7 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, DragValue, Ui};
 
-use super::widgets::{Scale, parameter, row};
+use super::widgets::{Scale, TEXT_SIZE, parameter, row};
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::particle::Particle;
@@ -80,7 +80,8 @@ pub(super) fn draw_matter(
 
 fn note_mixture(ui: &mut Ui, uniform: bool, note: &str) {
     if !uniform {
-        ui.label(egui::RichText::new(note).small().weak()).on_hover_text("a change here applies to all");
+        ui.label(egui::RichText::new(note).size(TEXT_SIZE).weak())
+            .on_hover_text("a change here applies to all");
     }
 }
 

@@ -5,7 +5,7 @@ use bevy_egui::egui::{self, Color32, RichText, Ui};
 
 use super::RestartWithParameters;
 use super::history::History;
-use super::widgets::number;
+use super::widgets::{TEXT_SIZE, number};
 use crate::diagnostics::Measurements;
 use crate::report::TickReport;
 use crate::time_control::SingleStep;
@@ -46,9 +46,9 @@ pub(super) fn draw_cost(
 ) {
     ui.separator();
     let TickReport { particles, springs, contacts, integrator, substeps, faults, .. } = &*report;
-    let [gather, step, scatter] = history.mean_cost();
-    let total = number(gather + step + scatter);
-    let [gather, step, scatter] = [gather, step, scatter].map(number);
+    let cost = history.mean_cost();
+    let total = format!("{:.3}", cost[0] + cost[1] + cost[2]);
+    let [gather, step, scatter] = cost.map(|milliseconds| format!("{milliseconds:.3}"));
     let speed = number(measurements.max_speed);
     let lines = [
         format!("{particles} particles, {springs} springs, {contacts} contacts"),
@@ -56,10 +56,10 @@ pub(super) fn draw_cost(
         format!("tick {total} ms = gather {gather} + step {step} + scatter {scatter}"),
     ];
     for line in lines {
-        ui.label(RichText::new(line).small());
+        ui.label(RichText::new(line).size(TEXT_SIZE));
     }
     if *faults > 0 {
         let warning = format!("{faults} particles became non-finite and were taken out");
-        ui.label(RichText::new(warning).small().color(Color32::from_rgb(255, 120, 100)));
+        ui.label(RichText::new(warning).size(TEXT_SIZE).color(Color32::from_rgb(255, 120, 100)));
     }
 }

@@ -4,6 +4,9 @@ use std::ops::RangeInclusive;
 
 use bevy_egui::egui::{self, Response, Slider, SliderClamping, Ui};
 
+/// The size of text that comments on other things, in points.
+pub(super) const TEXT_SIZE: f32 = 11.0;
+
 /// A collapsible section, open at first.
 pub(super) fn section(ui: &mut Ui, title: &str, draw: impl FnOnce(&mut Ui)) {
     let heading = egui::RichText::new(title).strong();

@@ -22,6 +22,7 @@ const FARTHEST: f32 = 1e5;
 /// Adds the looks.
 pub fn plugin(app: &mut App) {
     app.init_resource::<Looks>()
+        .add_systems(Startup, draw_only_the_grip)
         .add_systems(
             Update,
             (add_ball_looks, add_link_looks, add_plane_looks, remove_link_looks, update_balls),
@@ -30,6 +31,13 @@ pub fn plugin(app: &mut App) {
             PostUpdate,
             place_links.after(TransformSystems::Propagate).before(VisibilitySystems::CheckVisibility),
         );
+}
+
+/// Balls, links and ground have meshes here: of the gizmos only the ring around a ball is wanted.
+fn draw_only_the_grip(mut store: ResMut<GizmoConfigStore>) {
+    let (config, gizmos) = store.config_mut::<MassSpringGizmos>();
+    config.line.width = 3.0;
+    (gizmos.particles, gizmos.springs, gizmos.planes) = (false, false, false);
 }
 
 /// The look of a particle, its child.
@@ -57,7 +65,7 @@ pub struct Looks {
 impl FromWorld for Looks {
     fn from_world(world: &mut World) -> Self {
         let mut meshes = world.resource_mut::<Assets<Mesh>>();
-        let sphere = meshes.add(Sphere::new(1.0).mesh().ico(4).expect("within ico's limit"));
+        let sphere = meshes.add(Sphere::new(1.0).mesh().ico(3).expect("within ico's limit"));
         let cylinder = meshes.add(Cylinder::new(1.0, 1.0).mesh().resolution(10).without_caps());
         let ground = meshes.add(Plane3d::new(Vec3::Y, Vec2::splat(60.0)));
         let grid = meshes.add(grid_mesh());
@@ -84,8 +92,8 @@ impl FromWorld for Looks {
             anchor: paint(Color::srgb(0.85, 0.22, 0.10), 0.3),
             balls,
             links,
-            ground_material: paint(Color::srgb(0.80, 0.80, 0.77), 0.95),
-            grid_material: paint(Color::srgb(0.50, 0.53, 0.56), 0.95),
+            ground_material: paint(Color::srgb(0.66, 0.67, 0.66), 0.95),
+            grid_material: paint(Color::srgb(0.40, 0.43, 0.46), 0.95),
         }
     }
 }

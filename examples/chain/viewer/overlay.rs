@@ -35,9 +35,12 @@ fn draw_bar(
     let Some(free) = panel.free_area else { return Ok(()) };
     let context = contexts.ctx_mut()?;
     let corner = egui::pos2(free.min.x, free.max.y - BAR_HEIGHT);
-    egui::Area::new(egui::Id::new("keys")).fixed_pos(corner).movable(false).constrain(false).show(
-        context,
-        |ui| {
+    egui::Area::new(egui::Id::new("keys"))
+        .fixed_pos(corner)
+        .movable(false)
+        .constrain(false)
+        .fade_in(false)
+        .show(context, |ui| {
             let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
             let size = egui::vec2(free.width(), BAR_HEIGHT) - frame.total_margin().sum();
             frame.show(ui, |ui| {
@@ -69,8 +72,7 @@ fn draw_bar(
                     key(ui, "Wheel", "zoom");
                 });
             });
-        },
-    );
+        });
     Ok(())
 }
 
@@ -102,6 +104,7 @@ fn draw_banner(
         .fixed_pos(top)
         .pivot(egui::Align2::CENTER_TOP)
         .interactable(false)
+        .fade_in(false)
         .show(contexts.ctx_mut()?, |ui| {
             egui::Frame::popup(ui.style()).fill(Color32::from_rgb(170, 30, 20)).inner_margin(12).show(
                 ui,
@@ -153,29 +156,30 @@ fn draw_scene_section(
         return;
     }
     let mut edited = *plan;
-    if scene.preset == Some(presets::CHAIN) {
-        ui.horizontal(|ui| {
+    egui::Grid::new("chain").num_columns(2).min_col_width(92.0).show(&mut ui, |ui| {
+        if scene.preset == Some(presets::CHAIN) {
             ui.label("particles");
             ui.add(egui::Slider::new(&mut edited.particles, 2..=200).logarithmic(true));
-        });
-    }
-    ui.horizontal(|ui| {
-        ui.label("initial velocity");
-        for value in edited.velocity.as_mut() {
-            ui.add(egui::DragValue::new(value).speed(0.05).range(-50.0..=50.0).max_decimals(2));
+            ui.end_row();
         }
-        ui.label("m/s");
-    });
-    ui.horizontal(|ui| {
+        ui.label("initial velocity");
+        ui.horizontal(|ui| {
+            for value in edited.velocity.as_mut() {
+                ui.add(egui::DragValue::new(value).speed(0.05).range(-50.0..=50.0).max_decimals(2));
+            }
+            ui.label("m/s");
+        });
+        ui.end_row();
         ui.label("initial spin");
         ui.add(egui::Slider::new(&mut edited.spin, -15.0..=15.0).suffix(" rad/s"));
-        if ui.button("Push now").on_hover_text("adds velocity and spin to all free particles").clicked() {
-            let pivot = anchors.iter().next().map_or(scene.bounds.0, |anchor| anchor.translation);
-            for (mut velocity, transform) in &mut velocities {
-                velocity.0 += edited.velocity_at(transform.translation - pivot);
-            }
-        }
+        ui.end_row();
     });
+    if ui.button("Push now").on_hover_text("adds velocity and spin to all free particles").clicked() {
+        let pivot = anchors.iter().next().map_or(scene.bounds.0, |anchor| anchor.translation);
+        for (mut velocity, transform) in &mut velocities {
+            velocity.0 += edited.velocity_at(transform.translation - pivot);
+        }
+    }
     if plan.set_if_neq(edited)
         && scene.preset == Some(presets::CHAIN)
         && let Some(chain) = model.chain(&edited)
@@ -197,6 +201,6 @@ fn draw_presets(ui: &mut egui::Ui, scene: &OpenScene) -> Option<usize> {
         }
     });
     let about = scene.preset.map_or(scene.title.as_str(), |index| presets::ALL[index].question);
-    ui.label(RichText::new(about).small().italics());
+    ui.label(RichText::new(about).size(12.0).color(Color32::from_gray(190)));
     chosen
 }
