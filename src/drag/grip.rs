@@ -27,6 +27,8 @@ struct Held {
     offset: Vec3,
     /// Whether the `AppliedForce` is ours, to be removed in the end.
     lent_force: bool,
+    /// The acceleration in m/s² that carries what hangs from the particle, found while pulling.
+    load: Vec3,
     /// The force before we added ours to it, and after, while a tick runs.
     pull: Option<(Vec3, Vec3)>,
 }
@@ -87,6 +89,7 @@ pub(super) fn follow_presses(
                         plane,
                         offset,
                         lent_force: false,
+                        load: Vec3::ZERO,
                         pull: None,
                     };
                     Some(held)
@@ -242,7 +245,8 @@ pub(super) fn pull_particle(
     let Ok(position) = helper.compute_global_transform(held.particle) else { return };
     let gravity = environment.map_or(Vec3::ZERO, |environment| environment.effective_gravity());
     let away = target - position.translation();
-    let pull = particle.mass * (pull_acceleration(away, velocity.0, time.delta_secs(), &settings) - gravity);
+    let acceleration = pull_acceleration(away, velocity.0, &mut held.load, time.delta_secs(), &settings);
+    let pull = particle.mass * (acceleration - gravity);
     if pull.is_finite() {
         let before = force.0;
         force.0 += pull;
@@ -252,13 +256,26 @@ pub(super) fn pull_particle(
 
 /// The acceleration that brings a particle to rest at `away` from here.
 ///
-/// a = ω² away − 2 ω v is held constant over a time step h. Then (x, v) is multiplied by a matrix of
-/// determinant 1 − 2u + u²/2 and trace 2 − 2u − u²/2 with u = ωh, which is a contraction for u < 1;
-/// half of that leaves room for the springs and dampers that pull as well.
-fn pull_acceleration(away: Vec3, velocity: Vec3, step: f32, settings: &ParticleDragSettings) -> Vec3 {
+/// a = ω² away − 2 ω v, critically damped, and in addition the `load`, the integral of ω³/8 away: it
+/// finds out what hangs from the particle, which would else hang below the pointer by its weight.
+/// All is held constant over a time step h. For u = ωh < 0.9 the eigenvalues of that recurrence are
+/// inside of the unit circle; 0.5 leaves room for the springs and dampers that pull as well.
+fn pull_acceleration(
+    away: Vec3,
+    velocity: Vec3,
+    load: &mut Vec3,
+    step: f32,
+    settings: &ParticleDragSettings,
+) -> Vec3 {
+    let limit = settings.max_acceleration;
     let frequency = if step > 0.0 { settings.frequency.min(0.5 / step) } else { settings.frequency };
-    let wanted = frequency * frequency * away - 2.0 * frequency * velocity;
-    wanted.clamp_length_max(settings.max_acceleration)
+    let wanted = frequency * frequency * away - 2.0 * frequency * velocity + *load;
+    if wanted.length() <= limit {
+        // Only while the pull is not at its limit: a load must not build up towards what is out of reach.
+        *load += step * 0.125 * frequency.powi(3) * away;
+        *load = load.clamp_length_max(0.5 * limit);
+    }
+    wanted.clamp_length_max(limit)
 }
 
 /// Puts the force back to what the game had set, to the last bit.
@@ -276,30 +293,40 @@ pub(super) fn take_back_pull(mut grip: ResMut<Grip>, mut forces: Query<&mut Appl
 mod tests {
     use super::*;
 
+    /// Pulls a particle that something else pulls down; returns where it comes to rest and how far it went.
+    fn settle(step: f32, burden: Vec3, target: Vec3) -> (Vec3, Vec3, f32) {
+        let settings = ParticleDragSettings::default();
+        let (mut position, mut velocity) = (Vec3::ZERO, Vec3::new(0.0, 3.0, 0.0));
+        let (mut load, mut farthest) = (Vec3::ZERO, 0.0f32);
+        for _ in 0..(5.0 / step) as usize {
+            let acceleration =
+                burden + pull_acceleration(target - position, velocity, &mut load, step, &settings);
+            position += step * velocity + 0.5 * step * step * acceleration;
+            velocity += step * acceleration;
+            farthest = farthest.max(position.distance(target));
+        }
+        (position, velocity, farthest)
+    }
+
     #[test]
     fn the_pull_brings_a_particle_to_rest_on_the_target_at_any_time_step() {
-        let settings = ParticleDragSettings::default();
+        let target = Vec3::new(1.0, 0.5, -0.2);
         for step in [1.0 / 240.0, 1.0 / 60.0, 1.0 / 20.0] {
-            let (mut position, mut velocity) = (Vec3::ZERO, Vec3::new(0.0, 3.0, 0.0));
-            let target = Vec3::new(1.0, 0.5, -0.2);
-            let mut farthest = 0.0f32;
-            for _ in 0..(3.0 / step) as usize {
-                let acceleration = pull_acceleration(target - position, velocity, step, &settings);
-                position += step * velocity + 0.5 * step * step * acceleration;
-                velocity += step * acceleration;
-                farthest = farthest.max(position.distance(target));
+            for burden in [Vec3::ZERO, Vec3::new(0.0, -100.0, 0.0)] {
+                let (position, velocity, farthest) = settle(step, burden, target);
+                assert!(position.distance(target) < 1e-3, "{step} {burden}: {position}");
+                assert!(velocity.length() < 1e-2, "{step} {burden}: {velocity}");
+                assert!(farthest < 1.5, "{step} {burden}: overshoots to {farthest}");
             }
-            assert!(position.distance(target) < 1e-3, "{step}: {position}");
-            assert!(velocity.length() < 1e-2, "{step}: {velocity}");
-            assert!(farthest < 1.5, "{step}: overshoots to {farthest}");
         }
     }
 
     #[test]
     fn the_pull_is_limited() {
         let settings = ParticleDragSettings { max_acceleration: 50.0, ..Default::default() };
-        let acceleration = pull_acceleration(Vec3::X * 1e6, Vec3::ZERO, 1.0 / 60.0, &settings);
-        assert!((acceleration.length() - 50.0).abs() < 1e-3);
+        let mut load = Vec3::ZERO;
+        let acceleration = pull_acceleration(Vec3::X * 1e6, Vec3::ZERO, &mut load, 1.0 / 60.0, &settings);
+        assert!((acceleration.length() - 50.0).abs() < 1e-3 && load == Vec3::ZERO);
     }
 
     #[test]
@@ -312,6 +339,7 @@ mod tests {
             plane: (Vec3::new(0.0, 0.0, -5.0), InfinitePlane3d::new(Vec3::Z)),
             offset: Vec3::new(0.1, 0.0, 0.0),
             lent_force: false,
+            load: Vec3::ZERO,
             pull: None,
         };
         let ray = Ray3d { origin: Vec3::ZERO, direction: Dir3::NEG_Z };

@@ -114,7 +114,8 @@ pub struct ParticleDragSettings {
     /// Finite and >= 0, default 10.
     pub pick_radius: f32,
     /// The angular frequency ω, in rad/s, of the critically damped pull on a free particle:
-    /// F = m (ω² (target − x) − 2 ω v − g). Finite and > 0, default 25.
+    /// F = m (ω² (target − x) − 2 ω v − g), and what it takes to carry what hangs from it. Finite and
+    /// > 0, default 25.
     ///
     /// At time steps above 1/60 s, a smaller one is used where this one would be unstable.
     pub frequency: f32,
