@@ -10,7 +10,7 @@ use bevy_mass_spring::{Integrator, Substeps};
 use crate::Failure;
 use crate::arguments::{CheckArguments, read_scene};
 use crate::output;
-use crate::plan::{Plan, bounds, plan};
+use crate::plan::{Plan, bounds, plan, warnings};
 
 pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let scene = read_scene(&arguments.scene)?;
@@ -44,7 +44,11 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
     let solver = SceneSolver { integrator: Integrator::Auto, substeps: Substeps::Auto, ..scene.solver };
     let automatic = MassSpringScene { solver, ..scene.clone() };
     writeln!(text, "Auto would choose       {}", plan(&automatic, &bounds))?;
-    writeln!(text, "this scene would run    {}", plan(scene, &bounds))
+    writeln!(text, "this scene would run    {}", plan(scene, &bounds))?;
+    for warning in warnings(scene, &bounds) {
+        writeln!(text, "warning: {warning}")?;
+    }
+    Ok(())
 }
 
 /// Four significant digits, without an exponent where the number is of ordinary size.

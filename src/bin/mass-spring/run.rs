@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::RunArguments;
 use crate::output::{Sink, Sinks, Summary};
-use crate::plan::{Plan, bounds, plan};
+use crate::plan::{Plan, bounds, plan, warnings};
 use crate::simulation::{Simulation, measure, state_hash};
 use crate::{Failure, say};
 
@@ -18,6 +18,9 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
     let ticks = arguments.tick_count(scene.solver.time_step)?;
     // The last thing that can be refused: from here on, there is something to write.
     let Sinks { csv, json } = Sinks::open(arguments)?;
+    for warning in warnings(&scene, &bounds(&scene)) {
+        say(&format!("warning: {warning}"));
+    }
     let mut simulation = Simulation::new(&scene, arguments.threads.map(usize::from));
     let mut recorder = Recorder { csv, every: arguments.every, ticks, time_step: scene.solver.time_step };
     recorder.start(&simulation)?;
