@@ -10,7 +10,7 @@ use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quaranti
 use crate::report::{ParticleFault, TickReport};
 use crate::settings::SolverSettings;
 use crate::spring::Spring;
-use crate::time_control;
+use crate::{sync, time_control};
 
 /// The stages of a tick, chained in this order, in the plugin's schedule.
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -79,7 +79,13 @@ impl Plugin for MassSpringPlugin {
                 self.schedule,
                 (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter).chain(),
             )
+            .configure_sets(
+                self.schedule,
+                (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter)
+                    .run_if(time_advances),
+            )
             .add_plugins(time_control::plugin);
+        sync::build(app, self.schedule);
         #[cfg(feature = "scene")]
         app.add_plugins(crate::scene::plugin);
         register_types(app);
@@ -91,6 +97,11 @@ impl Plugin for MassSpringPlugin {
     fn finish(&self, app: &mut App) {
         crate::scene::finish(app);
     }
+}
+
+/// In a schedule that runs each frame, such as `Update`, nothing moves while time is paused.
+fn time_advances(time: Res<Time>) -> bool {
+    !time.delta().is_zero()
 }
 
 fn register_types(app: &mut App) {

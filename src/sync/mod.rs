@@ -1,4 +1,73 @@
-//! sync
+//! The only code that knows both sides: the ECS and the solver's arrays.
+//!
+//! ```text
+//! observers ──► rosters (who exists, in order of spawning)
+//! Gather        index::refresh_index   rosters changed? renumber the slots
+//!               gather::*              components ──► arrays
+//! Step          run::run_step          arrays ──► arrays
+//! Scatter       scatter::*             arrays ──► components, messages, reports
+//! ```
+//!
+//! Each particle and each spring carries its slot in a component of its own, so that a tick copies
+//! whole tables without looking anything up.
+
+mod gather;
+mod hierarchy;
+mod index;
+mod restore;
+mod roster;
+mod run;
+mod scatter;
+
+use bevy::ecs::intern::Interned;
+use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
-pub(crate) fn take_initial_state(_world: &mut World) {}
-pub(crate) fn restore_initial_state(_world: &mut World) {}
+
+use crate::MassSpringSystems;
+use crate::particle::{Particle, Quarantined};
+use crate::solver::stability::FrequencyBounds;
+use crate::solver::{SolverState, StepSettings};
+use crate::spring::Spring;
+
+pub(crate) use restore::{restore_initial_state, take_initial_state};
+use roster::Slot;
+
+/// The solver's state and what this tick is to do with it.
+#[derive(Resource, Default)]
+pub(crate) struct Simulation {
+    state: SolverState,
+    /// What this tick runs; `None` if it was refused.
+    settings: Option<StepSettings>,
+    bounds: FrequencyBounds,
+    /// A mass, a spring or the viscosity has changed since `bounds` were computed.
+    bounds_are_stale: bool,
+}
+
+/// Adds the three stages to `schedule`, and the observers that keep the rosters.
+pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
+    app.init_resource::<Simulation>()
+        .init_resource::<index::Index>()
+        .init_resource::<gather::Gathered>()
+        .init_resource::<gather::GatheredPlanes>()
+        .register_required_components::<Particle, Slot<Particle>>()
+        .register_required_components::<Spring, Slot<Spring>>();
+    index::enroll_existing(app.world_mut());
+    app.add_observer(index::enroll::<Particle>)
+        .add_observer(index::leave::<Particle>)
+        .add_observer(index::enroll::<Spring>)
+        .add_observer(index::leave::<Spring>)
+        .add_observer(index::mark_on_add::<Quarantined>)
+        .add_observer(index::mark_on_remove::<Quarantined>)
+        .add_observer(gather::enroll_plane)
+        .add_observer(gather::leave_plane)
+        .add_systems(
+            schedule,
+            (
+                (index::refresh_index, gather::gather_particles, gather::gather_planes)
+                    .chain()
+                    .in_set(MassSpringSystems::Gather),
+                run::run_step.in_set(MassSpringSystems::Step),
+                (scatter::scatter_particles, scatter::publish).chain().in_set(MassSpringSystems::Scatter),
+            ),
+        );
+}

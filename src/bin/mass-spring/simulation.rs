@@ -39,6 +39,7 @@ pub struct TickCost {
 pub struct Simulation {
     app: App,
     spawned: SpawnedScene,
+    ticks: u64,
     fault: Option<Fault>,
 }
 
@@ -65,7 +66,7 @@ impl Simulation {
         app.cleanup();
         // The first update only starts the clocks: it runs no tick.
         app.update();
-        Self { app, spawned, fault: None }
+        Self { app, spawned, ticks: 0, fault: None }
     }
 
     /// Runs one fixed tick.
@@ -73,6 +74,8 @@ impl Simulation {
         let start = Instant::now();
         self.app.update();
         let update = start.elapsed();
+        self.ticks += 1;
+        assert_eq!(self.report().tick, self.ticks, "each update runs one tick");
         let world = self.app.world_mut();
         let first_fault = world.resource_mut::<Messages<ParticleFault>>().drain().next();
         if let (None, Some(ParticleFault { particle, tick })) = (self.fault, first_fault) {

@@ -32,6 +32,9 @@ pub(super) struct Candidates {
     starts: Vec<u32>,
     others: Vec<u32>,
     memories: Vec<Memory>,
+    /// The pairs (first, second, index), the lower one first, from the bottom of the world to the top.
+    bottom_up: Vec<(u32, u32, u32)>,
+    heights: Heights,
     grid: Grid,
     found: Vec<(u32, u32)>,
     old: OldPairs,
@@ -39,6 +42,15 @@ pub(super) struct Candidates {
     origins: Vectors,
     skins: Vec<f32>,
     stale: bool,
+}
+
+/// The particles in the order of their heights.
+#[derive(Debug, Clone, Default)]
+struct Heights {
+    order: Vec<u32>,
+    rank: Vec<u32>,
+    /// Where the pairs of each rank begin.
+    starts: Vec<u32>,
 }
 
 /// The pairs before a rebuild, from which the memories are carried over.
@@ -86,16 +98,17 @@ impl Candidates {
     }
 
     /// Makes the list good for the present positions, for a while that lasts `time_step` seconds.
-    pub fn refresh(&mut self, particles: &Particles, time_step: f32) {
+    /// `up` points against gravity; zero where there is none.
+    pub fn refresh(&mut self, particles: &Particles, up: Vec3, time_step: f32) {
         if self.stale || self.skins.len() != particles.len() || self.outrun(particles) {
             self.rebuild(particles, time_step);
+            self.sort_bottom_up(particles, up);
         }
     }
 
-    /// The pairs in order: (a, b, index of the pair).
-    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-        (0..self.starts.len().saturating_sub(1))
-            .flat_map(move |a| self.range(a).map(move |pair| (a, self.others[pair] as usize, pair)))
+    /// The pairs from the bottom up: (lower, upper, index of the pair).
+    pub fn bottom_up(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        self.bottom_up.iter().map(|&(lower, upper, pair)| (lower as usize, upper as usize, pair as usize))
     }
 
     /// What is remembered of a pair.
@@ -181,6 +194,47 @@ impl Candidates {
         }
     }
 
+    /// Lists the pairs by the height of their lower particle: linear but for the sorting of particles.
+    fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
+        let Heights { order, rank, starts } = &mut self.heights;
+        let height = |slot: u32| particles.position.get(slot as usize).dot(up);
+        if order.len() != particles.len() {
+            order.clear();
+            order.extend(0..particles.len() as u32);
+        }
+        // Nearly sorted from the last time, which the standard library's sort is quick at.
+        order.sort_by(|one, other| height(*one).total_cmp(&height(*other)).then(one.cmp(other)));
+        rank.resize(order.len(), 0);
+        for (position, slot) in order.iter().enumerate() {
+            rank[*slot as usize] = position as u32;
+        }
+        starts.clear();
+        starts.resize(order.len() + 1, 0);
+        let (pair_starts, others) = (&self.starts, &self.others);
+        let pairs = || {
+            pair_starts.windows(2).enumerate().flat_map(|(a, bounds)| {
+                (bounds[0]..bounds[1]).map(move |pair| (a as u32, others[pair as usize], pair))
+            })
+        };
+        for (a, b, _) in pairs() {
+            starts[rank[a as usize].min(rank[b as usize]) as usize] += 1;
+        }
+        let mut total = 0;
+        for start in &mut *starts {
+            total += *start;
+            *start = total;
+        }
+        self.bottom_up.clear();
+        self.bottom_up.resize(self.others.len(), (0, 0, 0));
+        for (a, b, pair) in pairs() {
+            let (rank_a, rank_b) = (rank[a as usize], rank[b as usize]);
+            let (lower, upper) = if rank_a < rank_b { (a, b) } else { (b, a) };
+            let start = &mut starts[rank_a.min(rank_b) as usize];
+            *start -= 1;
+            self.bottom_up[*start as usize] = (lower, upper, pair);
+        }
+    }
+
     /// Carries the memories of the old pairs over to the new ones; both are sorted.
     fn recall(&mut self) {
         self.memories.clear();
@@ -213,24 +267,29 @@ mod tests {
     }
 
     fn listed(candidates: &Candidates) -> Vec<(usize, usize)> {
-        candidates.pairs().map(|(a, b, _)| (a, b)).collect()
+        let mut pairs: Vec<_> =
+            candidates.bottom_up().map(|(a, b, pair)| (pair, a.min(b), a.max(b))).collect();
+        pairs.sort_unstable();
+        pairs.into_iter().map(|(_, a, b)| (a, b)).collect()
     }
 
     #[test]
     fn memories_survive_rebuilding_and_renumbering() {
         let mut particles = row(1.0, 4);
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, 0.01);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(0, 1), (1, 2), (2, 3)]);
         let memory = Memory { normal: 7.0, friction: Vec3::X };
         candidates.remember(2, memory);
 
         particles.position.set(0, Vec3::X * -5.0);
-        candidates.refresh(&particles, 0.01);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(1, 2), (2, 3)]);
         assert_eq!(candidates.memory(1), memory);
 
         candidates.renumber(&[None, Some(0), Some(1), Some(2)], 3);
+        particles = row(1.0, 3);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(0, 1), (1, 2)]);
         assert_eq!(candidates.memory(1), memory);
     }
@@ -239,14 +298,26 @@ mod tests {
     fn the_list_is_good_until_a_skin_is_outrun() {
         let mut particles = row(1.5, 2);
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, 0.01);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), []);
         particles.position.set(1, Vec3::X * 1.38);
-        candidates.refresh(&particles, 0.01);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [], "still within the skin of 0.125 m");
         particles.position.set(1, Vec3::X * 1.2);
-        candidates.refresh(&particles, 0.01);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(0, 1)]);
+    }
+
+    #[test]
+    fn pairs_come_from_the_bottom_up() {
+        let mut particles = Particles::default();
+        for height in [2.0, 0.0, 1.0] {
+            particles.push(Vec3::Y * height, Vec3::ZERO, 1.0, 0.6);
+        }
+        let mut candidates = Candidates::default();
+        candidates.refresh(&particles, Vec3::Y, 0.01);
+        let pairs: Vec<_> = candidates.bottom_up().map(|(lower, upper, _)| (lower, upper)).collect();
+        assert_eq!(pairs, [(1, 2), (2, 0)]);
     }
 
     #[test]
@@ -256,7 +327,7 @@ mod tests {
         particles.inverse_mass[1] = 0.0;
         particles.inverse_mass[2] = 0.0;
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, 0.01);
+        candidates.refresh(&particles, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), []);
     }
 }

@@ -71,6 +71,8 @@ pub struct Contacts {
     pair_contacts: Vec<PairContact>,
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
+    /// Whether each particle rests on the ground or on something that does.
+    supported: Vec<bool>,
     /// Positions at the start of the substep; kept only where something rubs.
     previous: Vectors,
 }
@@ -129,41 +131,60 @@ impl Contacts {
         if self.count() == 0 {
             return;
         }
-        self.solve_velocities(particles, settings.pair_rules);
-        if let Some(rules) = settings.pair_rules {
-            pairs::solve_positions(&self.pair_contacts, rules, particles, &self.previous);
-            pairs::remember(&self.pair_contacts, &mut self.candidates);
-        }
-        for contact in &self.plane_contacts {
-            let surface = &self.surfaces[contact.plane];
-            plane::solve_position(contact, surface, particles, &self.previous, substep);
-        }
+        let rules = settings.pair_rules.unwrap_or_default();
+        self.find_support(particles, settings.gravity);
+        self.solve_velocities(particles, rules);
+        self.solve_positions(particles, rules, substep);
+        pairs::remember(&self.pair_contacts, &mut self.candidates);
         if self.recording {
             self.record(particles);
         }
     }
 
     fn find(&mut self, particles: &Particles, settings: &StepSettings, substep: f32, elapsed: f32) {
-        let velocity_lag = settings.scheme.velocity_lag();
+        let rules = settings.pair_rules.unwrap_or_default();
+        let rebound = Rebound {
+            restitution: rules.restitution,
+            substep,
+            resting_speed: settings.gravity.length() * substep,
+            slop: settings.gravity.length() * substep * substep,
+            velocity_lag: settings.scheme.velocity_lag(),
+        };
         self.plane_contacts.clear();
         self.surfaces.clear();
         if settings.collide_with_planes {
             for (index, plane) in self.planes.iter().enumerate() {
                 let surface = plane.surface(elapsed, settings.time_step);
-                plane::find(index, &surface, particles, substep, velocity_lag, &mut self.plane_contacts);
+                plane::find(index, &surface, particles, rebound, &mut self.plane_contacts);
                 self.surfaces.push(surface);
             }
         }
-        if let Some(rules) = settings.pair_rules {
-            self.candidates.refresh(particles, settings.time_step);
-            let rebound = Rebound { restitution: rules.restitution, substep, velocity_lag };
+        if settings.pair_rules.is_some() {
+            let up = -settings.gravity.normalize_or_zero();
+            self.candidates.refresh(particles, up, settings.time_step);
             pairs::find(&mut self.candidates, particles, rebound, &mut self.pair_contacts);
         }
     }
 
-    fn solve_velocities(&mut self, particles: &mut Particles, rules: Option<PairRules>) {
-        if let Some(rules) = rules.filter(|_| !self.pair_contacts.is_empty()) {
-            pairs::warm_start(&mut self.pair_contacts, particles);
+    /// Finds out which contacts carry weight down to the ground.
+    fn find_support(&mut self, particles: &Particles, gravity: Vec3) {
+        if self.pair_contacts.is_empty() {
+            return;
+        }
+        let up = -gravity.normalize_or_zero();
+        self.supported.clear();
+        self.supported.extend(particles.inverse_mass.iter().map(|inverse_mass| *inverse_mass == 0.0));
+        for contact in &self.plane_contacts {
+            self.supported[contact.slot] |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+        }
+        pairs::propagate_support(&mut self.pair_contacts, up, &mut self.supported);
+    }
+
+    fn solve_velocities(&mut self, particles: &mut Particles, rules: PairRules) {
+        if !self.pair_contacts.is_empty() {
+            for c in &mut self.pair_contacts {
+                c.impulses = Default::default();
+            }
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
@@ -172,6 +193,16 @@ impl Contacts {
             }
         }
         self.solve_plane_velocities(particles);
+        pairs::stop_sinking(&self.pair_contacts, particles);
+    }
+
+    fn solve_positions(&mut self, particles: &mut Particles, rules: PairRules, substep: f32) {
+        pairs::solve_positions(&self.pair_contacts, rules, particles, &self.previous);
+        for contact in &self.plane_contacts {
+            let surface = &self.surfaces[contact.plane];
+            plane::solve_position(contact, surface, particles, &self.previous, substep);
+        }
+        pairs::lift_sunken(&self.pair_contacts, particles);
     }
 
     fn solve_plane_velocities(&mut self, particles: &mut Particles) {

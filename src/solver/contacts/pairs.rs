@@ -4,7 +4,11 @@
 //! brings its normal velocity to the wanted one, for a few rounds, starting from the impulses of the
 //! substep before (Catto, *Iterative dynamics with temporal coherence*, 2005). One contact alone comes
 //! out exactly as the formula of an impact of two bodies says; the start from the last impulses is what
-//! lets a pile rest.
+//! lets a pile rest. What the few rounds leave undone would let a high pile sink into itself: a last
+//! pass from the bottom up, in which what is supported from below does not give way, removes it
+//! (shock propagation: Guendelman, Bridson and Fedkiw, *Nonconvex rigid bodies with stacking*, 2003).
+//!
+//! In a pair the first particle is the upper, the second the lower one.
 
 use bevy::math::Vec3;
 
@@ -25,6 +29,17 @@ pub(super) struct PairContact {
     pub normal: Vec3,
     target_velocity: f32,
     pub impulses: Memory,
+    /// Whether the lower particle carries the upper one and cannot give way.
+    supports: bool,
+}
+
+impl PairContact {
+    /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
+    /// a particle that is lifted past the centre of the next one is still below it.
+    fn depth(&self, particles: &Particles) -> f32 {
+        let separation = particles.position.get(self.first) - particles.position.get(self.second);
+        particles.radius[self.first] + particles.radius[self.second] - separation.dot(self.normal)
+    }
 }
 
 /// The unit vector from `second` to `first`; +Y for two particles in the same place.
@@ -44,11 +59,13 @@ pub(super) fn find(
     rebound: Rebound,
     found: &mut Vec<PairContact>,
 ) {
-    let touching = candidates.pairs().filter_map(|(first, second, pair)| {
+    let touching = candidates.bottom_up().filter_map(|(second, first, pair)| {
         let (position, radius) = (&particles.position, &particles.radius);
         let reach = radius[first] + radius[second];
         let separation = position.get(first) - position.get(second);
-        if separation.length_squared() > reach * reach {
+        let most = reach + rebound.slop;
+        // Not a comparison with >: a non-finite pair does not touch.
+        if !(separation.length_squared() <= most * most) {
             return None;
         }
         let (normal, distance) = normal_between(position.get(first), position.get(second));
@@ -58,9 +75,12 @@ pub(super) fn find(
             acceleration: relative(&particles.acceleration),
             depth: (reach - distance).max(0.0),
         };
-        let target_velocity = if approach.velocity < 0.0 { rebound.velocity_after(approach) } else { 0.0 };
+        let target_velocity = rebound.least_velocity_after(approach);
+        if distance > reach && (target_velocity > 0.0 || approach.velocity < -2.0 * rebound.resting_speed) {
+            return None;
+        }
         let impulses = candidates.memory(pair);
-        Some(PairContact { first, second, pair, normal, target_velocity, impulses })
+        Some(PairContact { first, second, pair, normal, target_velocity, impulses, supports: false })
     });
     found.clear();
     found.extend(touching);
@@ -116,15 +136,14 @@ pub(super) fn solve_positions(
 ) {
     for contact in contacts {
         let (first, second) = (contact.first, contact.second);
-        let position = &particles.position;
-        let (normal, distance) = normal_between(position.get(first), position.get(second));
-        let depth = particles.radius[first] + particles.radius[second] - distance;
+        let normal = contact.normal;
+        let depth = contact.depth(particles);
         if depth <= 0.0 {
             continue;
         }
         let mut correction = normal * depth;
         if rules.friction > 0.0 {
-            let moved = |slot: usize| position.get(slot) - previous.get(slot);
+            let moved = |slot: usize| particles.position.get(slot) - previous.get(slot);
             let slip = tangential(moved(first) - moved(second), normal);
             correction += friction(slip, rules.friction * depth);
         }
@@ -132,6 +151,41 @@ pub(super) fn solve_positions(
         let correction = correction / (first_share + second_share);
         particles.position.add(first, correction * first_share);
         particles.position.add(second, correction * -second_share);
+    }
+}
+
+/// How steep a contact must be, as the cosine to the vertical, to support the upper particle.
+const STEEPEST_SUPPORT: f32 = 0.2;
+
+/// Whose weight rests on the ground: `supported` begins with what touches it, and grows upwards.
+pub(super) fn propagate_support(contacts: &mut [PairContact], up: Vec3, supported: &mut [bool]) {
+    for contact in contacts {
+        contact.supports = supported[contact.second] && contact.normal.dot(up) > STEEPEST_SUPPORT;
+        supported[contact.first] |= contact.supports;
+    }
+}
+
+/// Stops what still sinks onto something supported.
+pub(super) fn stop_sinking(contacts: &[PairContact], particles: &mut Particles) {
+    for contact in contacts.iter().filter(|contact| contact.supports) {
+        let (first, second, normal) = (contact.first, contact.second, contact.normal);
+        let relative = particles.velocity.get(first) - particles.velocity.get(second);
+        let approach = relative.dot(normal);
+        if approach < 0.0 && particles.inverse_mass[first] > 0.0 {
+            particles.velocity.add(first, normal * -approach);
+        }
+    }
+}
+
+/// Lifts what still overlaps with something supported.
+pub(super) fn lift_sunken(contacts: &[PairContact], particles: &mut Particles) {
+    for contact in contacts.iter().filter(|contact| contact.supports) {
+        let (first, second) = (contact.first, contact.second);
+        let normal = contact.normal;
+        let depth = contact.depth(particles);
+        if depth > 0.0 && particles.inverse_mass[first] > 0.0 {
+            particles.position.add(first, normal * depth);
+        }
     }
 }
 

@@ -98,11 +98,10 @@ pub(super) fn find(
     plane: usize,
     surface: &Surface,
     particles: &Particles,
-    substep: f32,
-    velocity_lag: f32,
+    rebound: Rebound,
     found: &mut Vec<PlaneContact>,
 ) {
-    let rebound = Rebound { restitution: surface.restitution, substep, velocity_lag };
+    let rebound = Rebound { restitution: surface.restitution, ..rebound };
     for (slot, &radius) in particles.radius.iter().enumerate() {
         let position = particles.position.get(slot);
         let depth = surface.depth(position, radius);
@@ -115,7 +114,7 @@ pub(super) fn find(
             acceleration: particles.acceleration.get(slot).dot(surface.normal),
             depth,
         };
-        let target_velocity = if approach.velocity < 0.0 { rebound.velocity_after(approach) } else { 0.0 };
+        let target_velocity = rebound.least_velocity_after(approach);
         found.push(PlaneContact { slot, plane, surface_velocity, target_velocity, impulse: 0.0 });
     }
 }

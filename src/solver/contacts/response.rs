@@ -23,11 +23,21 @@ pub(super) struct Rebound {
     pub restitution: f32,
     /// The substep h, s.
     pub substep: f32,
+    /// Rebounds below this speed are none, m/s: what gravity gives in a substep.
+    pub resting_speed: f32,
+    /// Pairs that rest stay in contact over a gap up to this one, m: else the rounding of a pile would
+    /// take away its support every other substep. What gravity falls in a substep; 0 without gravity.
+    pub slop: f32,
     /// [`Scheme::velocity_lag`](crate::solver::Scheme::velocity_lag).
     pub velocity_lag: f32,
 }
 
 impl Rebound {
+    /// The velocity along the normal that a contact must have at least when it is solved.
+    pub fn least_velocity_after(&self, approach: Approach) -> f32 {
+        if approach.velocity < 0.0 { self.velocity_after(approach) } else { 0.0 }
+    }
+
     /// The velocity along the normal after the contact.
     ///
     /// The rule is v̂ = v − (1 + ε)(v·n) n, that is v·n becomes −ε (v·n), for bodies that approach;
@@ -46,7 +56,7 @@ impl Rebound {
         let speed_squared = (velocity + lag) * (velocity + lag);
         let surface_speed = (speed_squared + 2.0 * acceleration.min(0.0) * depth).max(0.0).sqrt();
         let rebound_speed = self.restitution * surface_speed;
-        if rebound_speed <= -acceleration * self.substep {
+        if rebound_speed <= self.resting_speed.max(-acceleration * self.substep) {
             return 0.0;
         }
         (rebound_speed - lag).max(0.0)
@@ -74,7 +84,7 @@ mod tests {
     use super::*;
 
     fn rebound(restitution: f32) -> Rebound {
-        Rebound { restitution, substep: 0.01, velocity_lag: 0.0 }
+        Rebound { restitution, substep: 0.01, resting_speed: 0.0, slop: 0.0, velocity_lag: 0.0 }
     }
 
     fn free(velocity: f32) -> Approach {
@@ -106,7 +116,8 @@ mod tests {
     #[test]
     fn a_body_pressed_onto_the_surface_rests() {
         for velocity_lag in [-0.5, 0.0, 0.5] {
-            let rule = Rebound { restitution: 1.0, substep: 0.01, velocity_lag };
+            let rule =
+                Rebound { restitution: 1.0, substep: 0.01, resting_speed: 0.0, slop: 0.0, velocity_lag };
             let approach = Approach { velocity: -0.1, acceleration: -10.0, depth: 0.001 };
             assert_eq!(rule.velocity_after(approach), 0.0);
         }

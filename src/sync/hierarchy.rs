@@ -1,0 +1,36 @@
+//! World transforms of parents, up to date within the tick (`GlobalTransform` is a frame old here).
+
+use bevy::math::Affine3A;
+use bevy::prelude::*;
+
+/// The world transform of `entity`, composed from the present `Transform`s of it and its ancestors;
+/// and how many ancestors it has. Entities without a `Transform` count as the identity.
+pub(super) fn world_transform<'a>(
+    entity: Entity,
+    parents: &Query<&ChildOf>,
+    transform_of: impl Fn(Entity) -> Option<&'a Transform>,
+) -> (Affine3A, usize) {
+    let mut affine = Affine3A::IDENTITY;
+    let mut depth = 0;
+    let mut current = Some(entity);
+    while let Some(ancestor) = current {
+        // An identity is skipped, so that a plain parent costs no rounding either.
+        if let Some(transform) = transform_of(ancestor).filter(|transform| **transform != Transform::IDENTITY)
+        {
+            affine = transform.compute_affine() * affine;
+        }
+        current = parents.get(ancestor).ok().map(ChildOf::parent);
+        depth += usize::from(current.is_some());
+    }
+    (affine, depth)
+}
+
+/// A point in the frame of a parent, seen from the world.
+pub(super) fn to_world(parent: &Affine3A, local: Vec3) -> Vec3 {
+    if *parent == Affine3A::IDENTITY { local } else { parent.transform_point3(local) }
+}
+
+/// A point in the world, seen from the frame of a parent.
+pub(super) fn to_local(parent: &Affine3A, world: Vec3) -> Vec3 {
+    if *parent == Affine3A::IDENTITY { world } else { parent.inverse().transform_point3(world) }
+}

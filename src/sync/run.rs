@@ -1,0 +1,159 @@
+//! The step: which scheme runs, in how many substeps, and how long it took.
+
+use std::time::{Duration, Instant};
+
+use bevy::prelude::*;
+
+use crate::collider::{CollisionSettings, Contact};
+use crate::diagnostics::Measurements;
+use crate::environment::Environment;
+use crate::report::TickReport;
+use crate::settings::{Integrator, SolverSettings, Substeps, UnavailableIntegrator};
+use crate::solver::stability::{FrequencyBounds, MAX_SUBSTEPS};
+use crate::solver::{PairRules, Scheme, StepSettings, energy, step};
+
+use super::Simulation;
+use super::gather::Gathered;
+
+/// Runs the tick.
+pub(super) fn run_step(
+    mut simulation: ResMut<Simulation>,
+    mut planner: Planner,
+    gathered: Res<Gathered>,
+    mut report: ResMut<TickReport>,
+    contacts: Option<Res<Messages<Contact>>>,
+    measurements: Option<ResMut<Measurements>>,
+) {
+    let start = Instant::now();
+    let simulation = &mut *simulation;
+    simulation.settings = planner.plan(simulation);
+    let Some(settings) = simulation.settings else { return };
+    simulation.state.contacts.recording = contacts.is_some();
+    step(&mut simulation.state, &settings);
+    report.tick += 1;
+    report.integrator = settings.scheme.into();
+    report.substeps = settings.substeps;
+    report.particles = simulation.state.particles.len();
+    report.springs = simulation.state.springs.len();
+    report.contacts = simulation.state.contacts.count();
+    report.gather_time = gathered.start.map_or(Duration::ZERO, |gather_start| start - gather_start);
+    report.step_time = start.elapsed();
+    if let Some(mut measurements) = measurements {
+        *measurements = energy::totals(&simulation.state, settings.gravity).into();
+    }
+}
+
+impl From<energy::Totals> for Measurements {
+    fn from(totals: energy::Totals) -> Self {
+        Self {
+            kinetic_energy: totals.kinetic_energy,
+            elastic_energy: totals.elastic_energy,
+            gravitational_energy: totals.gravitational_energy,
+            momentum: totals.momentum,
+            max_speed: totals.max_speed,
+            max_stretch: totals.max_stretch,
+            mean_stretch: totals.mean_stretch,
+        }
+    }
+}
+
+/// The user's settings, from which a tick is planned.
+#[derive(bevy::ecs::system::SystemParam)]
+pub(super) struct Planner<'w, 's> {
+    time: Res<'w, Time>,
+    environment: Res<'w, Environment>,
+    solver: Res<'w, SolverSettings>,
+    collisions: Res<'w, CollisionSettings>,
+    /// What was complained of last, so that it is said once.
+    complaint: Local<'s, Option<String>>,
+    planned_viscosity: Local<'s, f32>,
+}
+
+impl Planner<'_, '_> {
+    /// The settings of this tick; `None` if it is refused.
+    fn plan(&mut self, simulation: &mut Simulation) -> Option<StepSettings> {
+        let mut complaints = Vec::new();
+        let settings = self.resolve(simulation, &mut complaints);
+        let complaint = (!complaints.is_empty()).then(|| complaints.join("; "));
+        if *self.complaint != complaint {
+            if let Some(complaint) = &complaint {
+                log::warn!("{complaint}");
+            }
+            *self.complaint = complaint;
+        }
+        settings
+    }
+
+    fn resolve(&mut self, simulation: &mut Simulation, complaints: &mut Vec<String>) -> Option<StepSettings> {
+        let mut environment = *self.environment;
+        if let Err(problem) = environment.validate() {
+            complaints.push(format!("Environment: {problem}; neither gravity nor viscosity acts"));
+            environment = Environment { gravity: Vec3::ZERO, viscosity: 0.0, ..environment };
+        }
+        let mut collisions = *self.collisions;
+        if let Err(problem) = collisions.validate() {
+            complaints
+                .push(format!("CollisionSettings: {problem}; particles do not collide with each other"));
+            collisions.particles = false;
+        }
+        let viscosity = environment.effective_viscosity();
+        if simulation.bounds_are_stale || *self.planned_viscosity != viscosity {
+            simulation.bounds = bounds_of(simulation, viscosity);
+            simulation.bounds_are_stale = false;
+            *self.planned_viscosity = viscosity;
+        }
+        let time_step = self.time.delta_secs();
+        let choice = choose(*self.solver, &simulation.bounds, time_step, complaints);
+        let (scheme, substeps) =
+            choice.map_err(|refusal| complaints.push(format!("{refusal}; nothing moves"))).ok()?;
+        Some(StepSettings {
+            scheme,
+            substeps,
+            time_step,
+            gravity: environment.effective_gravity(),
+            viscosity,
+            collide_with_planes: collisions.ground,
+            pair_rules: collisions
+                .particles
+                .then_some(PairRules { restitution: collisions.restitution, friction: collisions.friction }),
+        })
+    }
+}
+
+fn bounds_of(simulation: &Simulation, viscosity: f32) -> FrequencyBounds {
+    let springs = &simulation.state.springs;
+    let listed = (0..springs.len()).map(|spring| {
+        let (first, second) = springs.ends(spring);
+        (first, second, springs.stiffness[spring], springs.damping[spring])
+    });
+    FrequencyBounds::of(&simulation.state.particles.inverse_mass, listed, viscosity)
+}
+
+/// The scheme and the number of substeps that the settings mean for a net with these bounds.
+fn choose(
+    settings: SolverSettings,
+    bounds: &FrequencyBounds,
+    time_step: f32,
+    complaints: &mut Vec<String>,
+) -> Result<(Scheme, u32), UnavailableIntegrator> {
+    let scheme = settings.integrator.scheme()?.unwrap_or(Scheme::SemiImplicitEuler);
+    let automatic = || bounds.auto_substeps(scheme, time_step);
+    let substeps = match (settings.substeps, settings.integrator) {
+        (Substeps::Fixed(0), _) => {
+            complaints
+                .push("SolverSettings: substeps is Fixed(0), expected at least 1; one is run".to_owned());
+            1
+        }
+        (Substeps::Fixed(count), Integrator::Auto) => count.max(automatic()),
+        (Substeps::Fixed(count), _) => count,
+        (Substeps::Auto, _) => automatic(),
+    };
+    if substeps >= MAX_SUBSTEPS && settings.substeps == Substeps::Auto {
+        complaints.push(format!(
+            "the springs are so stiff for their masses that {MAX_SUBSTEPS} substeps a tick do not suffice \
+             (angular frequency up to {:e} rad/s); the simulation may diverge",
+            bounds.angular_frequency
+        ));
+    }
+    Ok((scheme, substeps))
+}

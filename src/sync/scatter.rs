@@ -1,0 +1,144 @@
+//! Arrays back into components, and what the tick has to tell.
+
+use std::time::{Duration, Instant};
+
+use bevy::prelude::*;
+
+use crate::collider::Contact;
+use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::report::{ParticleFault, TickReport};
+use crate::solver::Particles;
+use crate::solver::contacts::{ContactPartner, ContactRecord};
+
+use super::Simulation;
+use super::gather::{Gathered, GatheredPlanes};
+use super::hierarchy::{to_local, world_transform};
+use super::index::Index;
+use super::roster::Slot;
+
+/// All that a tick writes of a particle.
+type ParticleData =
+    (&'static Slot<Particle>, &'static mut Transform, &'static mut ParticleVelocity, Has<Pinned>);
+
+/// The particles without a parent, then the velocities and the transforms of those with one.
+type ParticleQueries<'w, 's> = ParamSet<
+    'w,
+    's,
+    (
+        Query<'static, 'static, ParticleData, Without<ChildOf>>,
+        Query<'static, 'static, (&'static mut ParticleVelocity, Has<Pinned>)>,
+        Query<'static, 'static, &'static mut Transform>,
+    ),
+>;
+
+/// Copies positions and velocities back, and notes which are not finite.
+pub(super) fn scatter_particles(
+    simulation: Res<Simulation>,
+    mut gathered: ResMut<Gathered>,
+    mut queries: ParticleQueries,
+    parents: Query<&ChildOf>,
+) {
+    if simulation.settings.is_none() {
+        return;
+    }
+    let Gathered { parented, faults, scatter_start, .. } = &mut *gathered;
+    *scatter_start = Some(Instant::now());
+    let particles = &simulation.state.particles;
+    for (slot, mut transform, mut velocity, pinned) in &mut queries.p0() {
+        let Some(slot) = slot.get() else { continue };
+        let new_velocity = finite_velocity(particles, slot, faults);
+        velocity.set_if_neq(ParticleVelocity(new_velocity.unwrap_or_default()));
+        let position = particles.position.get(slot);
+        if new_velocity.is_some() && !pinned && transform.translation != position {
+            transform.translation = position;
+        }
+    }
+    for &(_, slot, entity) in &*parented {
+        let new_velocity = finite_velocity(particles, slot, faults);
+        let mut velocities = queries.p1();
+        let Ok((mut velocity, pinned)) = velocities.get_mut(entity) else { continue };
+        velocity.set_if_neq(ParticleVelocity(new_velocity.unwrap_or_default()));
+        if new_velocity.is_some() && !pinned {
+            move_child(entity, particles.position.get(slot), &parents, &mut queries.p2());
+        }
+    }
+}
+
+/// The velocity in a slot, if the state there is finite; a slot that is not becomes a fault.
+fn finite_velocity(particles: &Particles, slot: usize, faults: &mut Vec<usize>) -> Option<Vec3> {
+    let velocity = particles.velocity.get(slot);
+    if velocity.is_finite() && particles.position.get(slot).is_finite() {
+        return Some(velocity);
+    }
+    faults.push(slot);
+    None
+}
+
+/// Moves a particle with a parent to `position` in the world.
+fn move_child(
+    entity: Entity,
+    position: Vec3,
+    parents: &Query<&ChildOf>,
+    transforms: &mut Query<&mut Transform>,
+) {
+    let Ok(&ChildOf(parent)) = parents.get(entity) else { return };
+    let (frame, _) = world_transform(parent, parents, |entity| transforms.get(entity).ok());
+    let local = to_local(&frame, position);
+    if let Ok(mut transform) = transforms.get_mut(entity)
+        && transform.translation != local
+        && local.is_finite()
+    {
+        transform.translation = local;
+    }
+}
+
+/// Reports faults and contacts.
+pub(super) fn publish(
+    mut commands: Commands,
+    simulation: Res<Simulation>,
+    index: Res<Index>,
+    mut gathered: ResMut<Gathered>,
+    planes: Res<GatheredPlanes>,
+    mut report: ResMut<TickReport>,
+    mut faults: MessageWriter<ParticleFault>,
+    contacts: Option<ResMut<Messages<Contact>>>,
+) {
+    if simulation.settings.is_none() {
+        return;
+    }
+    gathered.faults.sort_unstable();
+    gathered.faults.dedup();
+    for slot in gathered.faults.drain(..) {
+        let particle = index.particles.slots[slot];
+        log::error!(
+            "particle {particle} became non-finite in tick {} and was taken out of the simulation",
+            report.tick
+        );
+        faults.write(ParticleFault { particle, tick: report.tick });
+        commands.entity(particle).try_insert(Quarantined);
+        report.faults += 1;
+    }
+    if let Some(mut messages) = contacts {
+        messages.write_batch(merged_contacts(&simulation, &index, &planes.0));
+    }
+    report.scatter_time = gathered.scatter_start.map_or(Duration::ZERO, |start| start.elapsed());
+}
+
+/// One contact for each touching pair: the last record of the tick with the impulses of all substeps.
+fn merged_contacts(simulation: &Simulation, index: &Index, planes: &[Entity]) -> Vec<Contact> {
+    let mut records: Vec<&ContactRecord> = simulation.state.contacts.records.iter().collect();
+    records.sort_by_key(|record| (record.slot, record.other));
+    let pairs = records.chunk_by(|one, next| (one.slot, one.other) == (next.slot, next.other));
+    pairs
+        .filter_map(|substeps| {
+            let last = substeps.last()?;
+            let other = match last.other {
+                ContactPartner::Plane(plane) => *planes.get(plane)?,
+                ContactPartner::Particle(slot) => *index.particles.slots.get(slot)?,
+            };
+            let impulse = substeps.iter().map(|record| record.impulse).sum();
+            let particle = *index.particles.slots.get(last.slot)?;
+            Some(Contact { particle, other, point: last.point, normal: last.normal, impulse })
+        })
+        .collect()
+}
