@@ -14,14 +14,13 @@ const DEFAULT_DURATION: f64 = 10.0;
 /// The longest simulated time in s: beyond it the operating system's clock, on which Bevy's is built, overflows.
 const LONGEST_TIME: f64 = 1e18;
 
+const EXIT_STATUS: &str = "\
+Exit status: 0 done, and the simulation stayed finite; 1 it did not; 2 bad arguments or a scene that is refused, \
+and nothing was written; 3 an output could not be written to the end.";
+
 /// Runs mass-spring scenes without a window, and checks them.
 #[derive(Debug, Parser)]
-#[command(
-    name = "mass-spring",
-    version,
-    after_help = "Exit status: 0 done, and the simulation stayed finite; 1 it did not; 2 bad arguments or a scene \
-                  that is refused, and nothing was written; 3 an output could not be written to the end."
-)]
+#[command(name = "mass-spring", version, after_help = EXIT_STATUS)]
 pub enum Command {
     /// Simulate a scene as fast as possible, and write what came of it.
     Run(RunArguments),
@@ -38,6 +37,7 @@ pub struct CheckArguments {
 
 /// What `run` is asked for.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_STATUS)]
 pub struct RunArguments {
     /// The scene file, *.scene.ron
     pub scene: PathBuf,

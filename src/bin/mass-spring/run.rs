@@ -3,6 +3,7 @@
 use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use bevy_mass_spring::scene::MassSpringScene;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -28,8 +29,8 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
     let mut costs = Costs::default();
     for tick in 1..=ticks {
         let cost = simulation.tick();
-        costs.updates.push(cost.update.as_secs_f32() * 1e3);
-        costs.steps.push(cost.step.as_secs_f32() * 1e3);
+        costs.updates.push(milliseconds(cost.update));
+        costs.steps.push(milliseconds(cost.step));
         recorder.record(tick, &simulation)?;
         bar.set_position(tick);
         if json.is_none() && recorder.nobody_reads() {
@@ -129,6 +130,10 @@ fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs
         milliseconds_per_step: median(costs.steps),
         state_hash: state_hash(&states),
     }
+}
+
+fn milliseconds(duration: Duration) -> f32 {
+    (duration.as_secs_f64() * 1e3) as f32
 }
 
 /// The median; of an even number of values the upper one of the two in the middle; of none 0.
