@@ -1,6 +1,9 @@
 //! The one harness of the app tests: a headless app whose every update runs exactly one tick.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+pub mod logged;
+pub mod reference;
+
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
