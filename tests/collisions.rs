@@ -153,21 +153,30 @@ fn an_oblique_impact_leaves_the_tangential_velocities() {
     assert!((record.impulse - impulse).abs() < 1e-5, "the record tells the impulse");
 }
 
-/// Balls of different masses are pushed apart in inverse proportion: the centre of mass stays.
+/// Balls of different masses are pushed apart in inverse proportion: the centre of mass stays. Those
+/// that approach are apart at once; those that lie in each other, at rest, within a few substeps.
 #[test]
 fn the_correction_is_shared_by_mass() {
-    for (masses, restitution) in [([1.0, 1.0], 0.0), ([3.0, 0.5], 0.5), ([0.2, 8.0], 1.0)] {
+    for (masses, speed) in [([1.0, 1.0], 0.5), ([3.0, 0.5], 0.0), ([0.2, 8.0], 0.25), ([2.0, 1.0], 0.0)] {
         let mut state = world([
             Ball { mass: masses[0], ..Ball::at(Vec3::X * -0.05) },
             Ball { mass: masses[1], ..Ball::at(Vec3::X * 0.05) },
         ]);
-        step(&mut state, &floating(Scheme::SemiImplicitEuler, restitution));
+        // The momenta are opposite, so that both stop.
+        state.particles.velocity.set(0, Vec3::X * speed / masses[0]);
+        state.particles.velocity.set(1, Vec3::NEG_X * speed / masses[1]);
+        let settings = floating(Scheme::SemiImplicitEuler, 0.0);
+        for _ in 0..if speed > 0.0 { 1 } else { 16 } {
+            step(&mut state, &settings);
+        }
         let moved = [position(&state, 0).x + 0.05, position(&state, 1).x - 0.05];
-        // The overlap of 0.1 m is shared; roundings of numbers of size 0.2.
+        // The overlap of 0.1 m is shared; roundings of numbers of size 0.2, some in each substep.
         let total = masses[0] + masses[1];
-        assert!((moved[0] + 0.1 * masses[1] / total).abs() < 1e-7, "{masses:?}: {moved:?}");
-        assert!((moved[1] - 0.1 * masses[0] / total).abs() < 1e-7, "{masses:?}: {moved:?}");
-        assert_eq!([velocity(&state, 0), velocity(&state, 1)], [Vec3::ZERO; 2], "no energy from nothing");
+        assert!((moved[0] + 0.1 * masses[1] / total).abs() < 3e-7, "{masses:?}: {moved:?}");
+        assert!((moved[1] - 0.1 * masses[0] / total).abs() < 3e-7, "{masses:?}: {moved:?}");
+        for slot in 0..2 {
+            assert!(velocity(&state, slot).length() < 1e-6, "{masses:?}: no energy from nothing");
+        }
     }
 }
 
@@ -224,7 +233,9 @@ fn balls_with_the_same_centre_are_separated_deterministically() {
     assert_eq!(positions, run());
 
     let mut two = world([Ball::at(Vec3::ONE), Ball::at(Vec3::ONE)]);
-    step(&mut two, &floating(Scheme::SemiImplicitEuler, 0.0));
+    for _ in 0..16 {
+        step(&mut two, &floating(Scheme::SemiImplicitEuler, 0.0));
+    }
     assert!((position(&two, 0).distance(position(&two, 1)) - 0.2).abs() < 1e-6);
 }
 
