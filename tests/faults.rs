@@ -86,10 +86,18 @@ fn a_velocity_that_is_not_a_number() {
 #[test]
 fn a_force_that_overflows() {
     let logged = Logged::start();
-    assert_quarantined(&logged, |app, particle| {
-        app.world_mut().get_mut::<Particle>(particle).unwrap().mass = 1e-3;
-        app.world_mut().entity_mut(particle).insert(AppliedForce(Vec3::X * f32::MAX));
-    });
+    let Patient { mut app, chain, .. } = patient();
+    let victim = spawn(&mut app, 1e-3, 0.1, Vec3::X * -5.0);
+    app.world_mut().entity_mut(victim).insert(AppliedForce(Vec3::X * f32::MAX));
+    run(&mut app, 1);
+    assert_eq!(messages::<ParticleFault>(&mut app).len(), 1);
+    run(&mut app, 19);
+    assert!(app.world().entity(victim).contains::<Quarantined>());
+    assert!(position(&app, victim).is_finite());
+    assert!(logged.take_one().contains(&victim.to_string()));
+    let mut healthy = patient();
+    run(&mut healthy.app, 20);
+    assert_eq!(hash(&app, &chain), hash(&healthy.app, &healthy.chain), "the others are not disturbed");
 }
 
 /// A force that is not a number does no harm: it is named once, and the particle falls on without it.

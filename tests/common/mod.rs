@@ -5,6 +5,7 @@ pub mod bodies;
 pub mod logged;
 pub mod reference;
 
+use bevy::app::{Plugins, TaskPoolOptions, TaskPoolPlugin};
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
@@ -17,10 +18,16 @@ pub fn app() -> App {
     app_with(MassSpringPlugin::default())
 }
 
-/// The same with another configuration of the plugin.
-pub fn app_with(plugin: MassSpringPlugin) -> App {
+/// The same with other plugins: the plugin configured otherwise, or more than it.
+pub fn app_with<Marker>(plugins: impl Plugins<Marker>) -> App {
+    app_on(TaskPoolOptions::default(), plugins)
+}
+
+/// The same with task pools of a given size. They belong to the process: the first app makes them.
+pub fn app_on<Marker>(task_pool_options: TaskPoolOptions, plugins: impl Plugins<Marker>) -> App {
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, plugin))
+    app.add_plugins(MinimalPlugins.set(TaskPoolPlugin { task_pool_options }))
+        .add_plugins(plugins)
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
         .insert_resource(Time::<Fixed>::from_seconds(f64::from(TICK)));
     app.finish();
