@@ -66,10 +66,8 @@ const COLUMN: usize = 20;
 
 /// Twenty balls of radius 0.1 m, each on top of the one before.
 fn column(masses: impl Fn(usize) -> f32) -> SolverState {
-    let balls = (0..COLUMN).map(|number| Ball {
-        mass: masses(number),
-        ..Ball::at(Vec3::Y * (0.1 + 0.2 * number as f32))
-    });
+    let balls = (0..COLUMN)
+        .map(|number| Ball { mass: masses(number), ..Ball::at(Vec3::Y * (0.1 + 0.2 * number as f32)) });
     with_ground(world(balls), 0.0, 0.0)
 }
 
@@ -83,8 +81,7 @@ fn a_column_at_rest_stays() {
     for scheme in Scheme::ALL {
         for mass_ratio in [1.0_f32, 1.1] {
             let mut state = column(|number| mass_ratio.powi(number as i32));
-            let settings =
-                StepSettings { pair_rules: Some(PairRules::default()), ..falling(scheme, 4) };
+            let settings = StepSettings { pair_rules: Some(PairRules::default()), ..falling(scheme, 4) };
             for tick in 0..1000 {
                 step(&mut state, &settings);
                 for number in 0..COLUMN {
