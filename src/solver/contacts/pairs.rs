@@ -29,6 +29,8 @@ pub(super) struct PairContact {
     /// From the second to the first.
     pub normal: Vec3,
     target_velocity: f32,
+    /// 1 / (1/m1 + 1/m2), kg.
+    reduced_mass: f32,
     pub impulses: Memory,
     /// Whether the pair rests: its impulses are a load, and displace it as any force does.
     resting: bool,
@@ -39,15 +41,18 @@ pub(super) struct PairContact {
 impl PairContact {
     /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
     /// a particle that is lifted past the centre of the next one is still below it.
+    #[inline]
     fn depth(&self, bodies: &[Body]) -> f32 {
         let (first, second) = (&bodies[self.first], &bodies[self.second]);
         first.radius + second.radius - (first.position - second.position).dot(self.normal)
     }
 
+    #[inline]
     fn relative_velocity(&self, bodies: &[Body]) -> Vec3 {
         bodies[self.first].velocity - bodies[self.second].velocity
     }
 
+    #[inline]
     fn apply(&self, impulse: Vec3, bodies: &mut [Body], substep: f32) {
         let first_change = impulse * bodies[self.first].inverse_mass;
         let second_change = impulse * -bodies[self.second].inverse_mass;
@@ -94,8 +99,17 @@ pub(super) fn find(
         if distance > reach && !resting {
             return None;
         }
-        let impulses = candidates.memory(pair);
-        Some(PairContact { first, second, pair, normal, target_velocity, impulses, resting, supports: false })
+        Some(PairContact {
+            first,
+            second,
+            pair,
+            normal,
+            target_velocity,
+            reduced_mass: 1.0 / (upper.inverse_mass + lower.inverse_mass),
+            impulses: candidates.memory(pair),
+            resting,
+            supports: false,
+        })
     });
     found.clear();
     found.extend(touching);
@@ -112,13 +126,14 @@ pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], subs
     }
 }
 
-/// One round over all contacts.
+/// One round over all contacts. Returns the largest velocity by which one had to be corrected, m/s.
 pub(super) fn solve_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
     bodies: &mut [Body],
     substep: f32,
-) {
+) -> f32 {
+    let mut largest = 0.0_f32;
     for contact in contacts {
         let relative = contact.relative_velocity(bodies);
         let old = contact.impulses;
@@ -126,17 +141,18 @@ pub(super) fn solve_velocities(
         if missing <= 0.0 && old.normal == 0.0 {
             continue;
         }
-        let inverse_mass = bodies[contact.first].inverse_mass + bodies[contact.second].inverse_mass;
-        contact.impulses.normal = (old.normal + missing / inverse_mass).max(0.0);
+        contact.impulses.normal = (old.normal + missing * contact.reduced_mass).max(0.0);
         let mut change = contact.normal * (contact.impulses.normal - old.normal);
         if rules.friction > 0.0 {
-            let sticking = old.friction - tangential(relative, contact.normal) / inverse_mass;
+            let sticking = old.friction - tangential(relative, contact.normal) * contact.reduced_mass;
             let limit = rules.friction * contact.impulses.normal;
             contact.impulses.friction = sticking.clamp_length_max(limit);
             change += contact.impulses.friction - old.friction;
         }
+        largest = largest.max(missing.abs());
         contact.apply(change, bodies, substep);
     }
+    largest
 }
 
 /// The part of its overlap that a resting pair is separated by in each round. A pile is lifted gently:
@@ -164,7 +180,7 @@ pub(super) fn solve_positions(
             let slip = tangential(moved(first) - moved(second), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
-        let correction = correction / (bodies[first].inverse_mass + bodies[second].inverse_mass);
+        let correction = correction * contact.reduced_mass;
         let first_correction = correction * bodies[first].inverse_mass;
         let second_correction = correction * -bodies[second].inverse_mass;
         bodies[first].position += first_correction;
