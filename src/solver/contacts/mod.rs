@@ -27,7 +27,8 @@ use response::Rebound;
 /// Most rounds over the velocities of all contacts in each substep.
 const VELOCITY_ROUNDS: usize = 4;
 
-/// The rounds end when none has an error larger than this part of what gravity gives in a substep.
+/// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a
+/// substep: a settled pile then needs one look and no work.
 const SETTLED_ERROR: f32 = 0.02;
 
 /// Rounds over their positions.
@@ -202,14 +203,14 @@ impl Contacts {
 
     fn solve_velocities(&mut self, rules: PairRules, gravity: f32, substep: f32) {
         if !self.pair_contacts.is_empty() {
+            let tolerance = SETTLED_ERROR * gravity * substep;
             pairs::warm_start(&mut self.pair_contacts, &mut self.bodies, substep);
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
                 self.solve_plane_velocities();
-                let error =
-                    pairs::solve_velocities(&mut self.pair_contacts, rules, &mut self.bodies, substep);
-                if error < SETTLED_ERROR * gravity * substep {
+                let Self { pair_contacts, bodies, .. } = self;
+                if !pairs::solve_velocities(pair_contacts, rules, bodies, substep, tolerance) {
                     break;
                 }
             }

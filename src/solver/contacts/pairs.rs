@@ -52,7 +52,7 @@ impl PairContact {
         bodies[self.first].velocity - bodies[self.second].velocity
     }
 
-    #[inline]
+    #[inline(always)]
     fn apply(&self, impulse: Vec3, bodies: &mut [Body], substep: f32) {
         let first_change = impulse * bodies[self.first].inverse_mass;
         let second_change = impulse * -bodies[self.second].inverse_mass;
@@ -126,19 +126,24 @@ pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], subs
     }
 }
 
-/// One round over all contacts. Returns the largest velocity by which one had to be corrected, m/s.
+/// One round over all contacts. Velocities along resting contacts are left alone up to `tolerance`, m/s.
+/// Returns whether any had to be corrected.
 pub(super) fn solve_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
     bodies: &mut [Body],
     substep: f32,
-) -> f32 {
-    let mut largest = 0.0_f32;
+    tolerance: f32,
+) -> bool {
+    let mut corrected = false;
     for contact in contacts {
         let relative = contact.relative_velocity(bodies);
         let old = contact.impulses;
         let missing = contact.target_velocity - relative.dot(contact.normal);
         if missing <= 0.0 && old.normal == 0.0 {
+            continue;
+        }
+        if contact.resting && relative.length_squared() < tolerance * tolerance {
             continue;
         }
         contact.impulses.normal = (old.normal + missing * contact.reduced_mass).max(0.0);
@@ -149,15 +154,18 @@ pub(super) fn solve_velocities(
             contact.impulses.friction = sticking.clamp_length_max(limit);
             change += contact.impulses.friction - old.friction;
         }
-        largest = largest.max(missing.abs());
+        corrected = true;
         contact.apply(change, bodies, substep);
     }
-    largest
+    corrected
 }
 
 /// The part of its overlap that a resting pair is separated by in each round. A pile is lifted gently:
 /// each pair shares its particles with others, which would be hit by the whole correction.
 const RESTING_CORRECTION: f32 = 0.5;
+
+/// The overlap that a resting pair may keep, as a part of its reach.
+const RESTING_OVERLAP: f32 = 0.001;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
 /// where they stuck. `previous` are the positions at the start of the substep.
@@ -169,11 +177,16 @@ pub(super) fn solve_positions(
 ) {
     for contact in contacts {
         let depth = contact.depth(bodies);
-        if depth <= 0.0 {
+        let (first, second) = (contact.first, contact.second);
+        let (most, part) = if contact.resting {
+            (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
+        } else {
+            (0.0, 1.0)
+        };
+        if depth <= most {
             continue;
         }
-        let depth = if contact.resting { RESTING_CORRECTION * depth } else { depth };
-        let (first, second) = (contact.first, contact.second);
+        let depth = part * (depth - most);
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
             let moved = |slot: usize| bodies[slot].position - previous.get(slot);
