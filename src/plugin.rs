@@ -86,9 +86,16 @@ impl Plugin for MassSpringPlugin {
             )
             .add_plugins(time_control::plugin);
         sync::build(app, self.schedule);
+        #[cfg(feature = "scene")]
+        app.add_plugins(crate::scene::plugin);
         register_types(app);
         #[cfg(feature = "interpolation")]
         self.build_interpolation(app);
+    }
+
+    #[cfg(feature = "scene")]
+    fn finish(&self, app: &mut App) {
+        crate::scene::finish(app);
     }
 }
 

@@ -1,0 +1,88 @@
+//! `mass-spring check`: counts, stability bounds, and what `Auto` would choose.
+
+use std::f64::consts::TAU;
+use std::fmt::{self, Write};
+use std::process::ExitCode;
+
+use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
+use bevy_mass_spring::{Integrator, Substeps};
+
+use crate::Failure;
+use crate::arguments::{CheckArguments, read_scene};
+use crate::output;
+use crate::plan::{Plan, bounds, plan, warnings};
+
+pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
+    let scene = read_scene(&arguments.scene)?;
+    let mut text = String::new();
+    describe(&scene, &mut text).expect("writing to a string does not fail");
+    output::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
+    let bounds = bounds(scene);
+    let pinned = scene.particles.iter().filter(|particle| particle.pinned).count();
+    writeln!(text, "particles               {} ({pinned} pinned)", scene.particles.len())?;
+    writeln!(text, "springs                 {}", scene.springs.len())?;
+    writeln!(text, "planes                  {}", scene.planes.len())?;
+    writeln!(text, "time step               {} s", significant(scene.solver.time_step))?;
+    let omega = bounds.angular_frequency;
+    let (frequency, in_hertz) = (significant(omega), significant(omega / TAU));
+    writeln!(text, "highest frequency       at most {frequency} rad/s ({in_hertz} Hz)")?;
+    writeln!(text, "highest damping rate    at most {} 1/s", significant(bounds.damping_rate))?;
+    writeln!(text, "largest stable substep")?;
+    for scheme in Integrator::ALL.into_iter().filter_map(|integrator| integrator.scheme().ok().flatten()) {
+        let step = f64::from(bounds.largest_stable_step(scheme));
+        let printed = match step {
+            0.0 => "none".to_owned(),
+            f64::INFINITY => "any".to_owned(),
+            step => format!("{} s", significant(step)),
+        };
+        writeln!(text, "  {:<22}{printed}", Integrator::from(scheme).to_string())?;
+    }
+    let solver = SceneSolver { integrator: Integrator::Auto, substeps: Substeps::Auto, ..scene.solver };
+    let automatic = MassSpringScene { solver, ..scene.clone() };
+    writeln!(text, "Auto would choose       {}", plan(&automatic, &bounds))?;
+    writeln!(text, "this scene would run    {}", plan(scene, &bounds))?;
+    for warning in warnings(scene, &bounds) {
+        writeln!(text, "warning: {warning}")?;
+    }
+    Ok(())
+}
+
+/// Four significant digits, without an exponent where the number is of ordinary size.
+fn significant(number: f64) -> String {
+    if number == 0.0 || !(1e-6..1e9).contains(&number.abs()) {
+        return format!("{number:.3e}").replace("0.000e0", "0");
+    }
+    let digits_before_point = number.abs().log10().floor() as i32 + 1;
+    format!("{number:.*}", (4 - digits_before_point).max(0) as usize)
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plural = if self.substeps == 1 { "" } else { "s" };
+        write!(formatter, "{}, {} substep{plural} a tick", self.integrator, self.substeps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_significant_digits() {
+        for (number, printed) in [
+            (0.0, "0"),
+            (1.0 / 60.0, "0.01667"),
+            (1.0, "1.000"),
+            (12.3456, "12.35"),
+            (123_456.7, "123457"),
+            (1e-9, "1.000e-9"),
+            (1e12, "1.000e12"),
+        ] {
+            assert_eq!(significant(number), printed);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! How a scene would be simulated, known before any tick has run.
+
+use bevy_mass_spring::scene::MassSpringScene;
+use bevy_mass_spring::solver::Scheme;
+use bevy_mass_spring::solver::stability::{FrequencyBounds, MAX_SUBSTEPS};
+use bevy_mass_spring::{Integrator, Substeps};
+
+/// The scheme and the number of substeps of a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Plan {
+    pub integrator: Integrator,
+    pub substeps: u32,
+}
+
+/// Bounds on the frequencies of the scene.
+pub fn bounds(scene: &MassSpringScene) -> FrequencyBounds {
+    let inverse_mass: Vec<f32> = scene
+        .particles
+        .iter()
+        .map(|particle| if particle.pinned { 0.0 } else { 1.0 / particle.mass })
+        .collect();
+    let springs = scene.springs.iter().map(|spring| {
+        let (first, second) = spring.particles;
+        (first, second, spring.stiffness, spring.damping)
+    });
+    FrequencyBounds::of(&inverse_mass, springs, scene.environment.viscosity)
+}
+
+/// What the settings of the scene amount to.
+pub fn plan(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Plan {
+    let solver = &scene.solver;
+    // A scheme that is not available was refused with the scene.
+    let named = solver.integrator.scheme().ok().flatten();
+    let scheme = named.unwrap_or(Scheme::SemiImplicitEuler);
+    let automatic = bounds.auto_substeps(scheme, solver.time_step as f32);
+    let substeps = match (solver.substeps, named) {
+        (Substeps::Auto, _) => automatic,
+        (Substeps::Fixed(count), Some(_)) => count,
+        (Substeps::Fixed(count), None) => count.max(automatic),
+    };
+    Plan { integrator: scheme.into(), substeps }
+}
+
+/// What a user should know before relying on the results.
+pub fn warnings(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let time_step = scene.solver.time_step;
+    let tick = scene.solver.tick().map_or(time_step, |tick| tick.as_secs_f64());
+    if (tick - time_step).abs() > 1e-5 * time_step {
+        warnings.push(format!(
+            "Bevy's clock counts whole nanoseconds: a tick is {tick:e} s instead of {time_step:e} s"
+        ));
+    }
+    let Plan { integrator, substeps } = plan(scene, bounds);
+    if scene.solver.substeps == Substeps::Auto && substeps == MAX_SUBSTEPS {
+        warnings.push(format!(
+            "the springs are too stiff for their masses: {MAX_SUBSTEPS} substeps of {integrator} may not suffice"
+        ));
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn warned(time_step: f64, stiffness: f32) -> Vec<String> {
+        let text = format!(
+            "(solver: (time_step: {time_step}),
+              particles: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 1)],
+              springs: [(particles: (0, 1), stiffness: {stiffness:e})])"
+        );
+        let scene = MassSpringScene::from_ron(&text).unwrap();
+        warnings(&scene, &bounds(&scene))
+    }
+
+    #[test]
+    fn warnings_are_given_where_there_is_reason_to() {
+        assert!(warned(1.0 / 60.0, 1e3).is_empty());
+        assert!(warned(1.2e-9, 1e3)[0].contains("1e-9 s instead of 1.2e-9 s"));
+        assert!(warned(1.0 / 60.0, 1e20)[0].contains("too stiff"));
+    }
+}

@@ -1,5 +1,0 @@
-//! stub
-/// stub
-pub struct MassSpringScene;
-/// stub
-pub struct MassSpringSceneRoot;

@@ -1,0 +1,188 @@
+//! What a scene file contains: its fields, units and defaults.
+
+use bevy::asset::Asset;
+use bevy::math::{DVec3, Vec3};
+use bevy::reflect::TypePath;
+use serde::{Deserialize, Serialize};
+
+use crate::collider::CollisionSettings;
+use crate::environment::Environment;
+use crate::settings::{Integrator, SolverSettings, Substeps};
+
+/// The content of a scene file: settings, particles, springs and planes.
+///
+/// [`from_ron`](Self::from_ron) and [`read`](Self::read) refuse bad values; a scene that was put
+/// together in code is checked by [`validate`](Self::validate).
+#[derive(Asset, TypePath, Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MassSpringScene {
+    /// Gravity and viscosity. Optional in the file.
+    #[serde(default)]
+    pub environment: SceneEnvironment,
+    /// Time step, scheme and substeps. Optional in the file.
+    #[serde(default)]
+    pub solver: SceneSolver,
+    /// Which collisions act, and how particles rebound from each other. Optional in the file.
+    #[serde(default)]
+    pub collisions: SceneCollisions,
+    /// The particles. Springs refer to them by their index in this list.
+    pub particles: Vec<SceneParticle>,
+    /// The springs. Optional in the file.
+    #[serde(default)]
+    pub springs: Vec<SceneSpring>,
+    /// The solid half-spaces. Optional in the file.
+    #[serde(default)]
+    pub planes: Vec<ScenePlane>,
+}
+
+/// Gravity and the viscosity of the medium.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Environment", default, deny_unknown_fields)]
+pub struct SceneEnvironment {
+    /// Acceleration of gravity in m/s², finite. Default (0, −9.81, 0).
+    pub gravity: Vec3,
+    /// Viscosity of the medium in N·s/m, finite and >= 0. Default 0.
+    pub viscosity: f32,
+}
+
+impl Default for SceneEnvironment {
+    fn default() -> Self {
+        let Environment { gravity, viscosity, .. } = Environment::default();
+        Self { gravity, viscosity }
+    }
+}
+
+impl From<SceneEnvironment> for Environment {
+    fn from(scene: SceneEnvironment) -> Self {
+        Self { gravity: scene.gravity, viscosity: scene.viscosity, ..Self::default() }
+    }
+}
+
+/// The time step and how it is integrated.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Solver", default, deny_unknown_fields)]
+pub struct SceneSolver {
+    /// One fixed tick in s, finite and > 0. Default 1/60.
+    ///
+    /// Bevy's clock counts whole nanoseconds: see [`tick`](Self::tick).
+    pub time_step: f64,
+    /// The integration scheme. Default [`Integrator::Auto`].
+    pub integrator: Integrator,
+    /// How many substeps a tick is divided into. Default [`Substeps::Auto`].
+    pub substeps: Substeps,
+}
+
+impl Default for SceneSolver {
+    fn default() -> Self {
+        Self { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: Substeps::Auto }
+    }
+}
+
+impl From<SceneSolver> for SolverSettings {
+    fn from(scene: SceneSolver) -> Self {
+        Self { integrator: scene.integrator, substeps: scene.substeps }
+    }
+}
+
+/// Which collisions act, and how particles rebound from each other.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Collisions", default, deny_unknown_fields)]
+pub struct SceneCollisions {
+    /// Whether particles collide with planes. Default true.
+    pub ground: bool,
+    /// Whether particles collide with particles. Default true.
+    pub particles: bool,
+    /// Restitution of particle against particle, 0 to 1. Default 0.
+    pub restitution: f32,
+    /// Coulomb friction of particle against particle, finite and >= 0. Default 0.
+    pub friction: f32,
+}
+
+impl Default for SceneCollisions {
+    fn default() -> Self {
+        let CollisionSettings { ground, particles, restitution, friction } = CollisionSettings::default();
+        Self { ground, particles, restitution, friction }
+    }
+}
+
+impl From<SceneCollisions> for CollisionSettings {
+    fn from(scene: SceneCollisions) -> Self {
+        let SceneCollisions { ground, particles, restitution, friction } = scene;
+        Self { ground, particles, restitution, friction }
+    }
+}
+
+/// One particle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Particle", deny_unknown_fields)]
+pub struct SceneParticle {
+    /// Position in m, finite.
+    pub position: Vec3,
+    /// Velocity in m/s, finite. Default 0.
+    #[serde(default)]
+    pub velocity: Vec3,
+    /// Mass in kg, finite and > 0.
+    pub mass: f32,
+    /// Radius in m of the sphere that collides, finite and >= 0. Default 0: it collides with planes only.
+    #[serde(default)]
+    pub radius: f32,
+    /// Whether it has infinite mass. Default false.
+    #[serde(default)]
+    pub pinned: bool,
+}
+
+/// One spring.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Spring", deny_unknown_fields)]
+pub struct SceneSpring {
+    /// The two ends: different indices into [`MassSpringScene::particles`].
+    pub particles: (usize, usize),
+    /// The length in m at which it exerts no force, finite and >= 0. Omitted: the initial distance of
+    /// the two ends.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest_length: Option<f32>,
+    /// Stiffness in N/m, finite and >= 0.
+    pub stiffness: f32,
+    /// Damping along the spring in N·s/m, finite and >= 0. Default 0.
+    #[serde(default)]
+    pub damping: f32,
+}
+
+/// One solid half-space.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Plane", deny_unknown_fields)]
+pub struct ScenePlane {
+    /// A point of its surface in m, finite. Default 0.
+    #[serde(default)]
+    pub point: Vec3,
+    /// The direction out of the solid, finite and not zero; of any length.
+    pub normal: Vec3,
+    /// Restitution of a particle that hits it, 0 to 1. Default 0.
+    #[serde(default)]
+    pub restitution: f32,
+    /// Coulomb friction, finite and >= 0. Default 0.
+    #[serde(default)]
+    pub friction: f32,
+}
+
+impl ScenePlane {
+    /// The normal at length 1; `None` if it is zero or not finite.
+    ///
+    /// In f64, where no f32 vector is too short or too long to be normalised.
+    pub fn unit_normal(&self) -> Option<DVec3> {
+        self.normal.as_dvec3().try_normalize()
+    }
+}
+
+impl MassSpringScene {
+    /// The rest length of `spring` in m: its own, or the initial distance of its two ends.
+    ///
+    /// `None` if it has none and an end does not exist.
+    pub fn rest_length(&self, spring: &SceneSpring) -> Option<f32> {
+        spring.rest_length.or_else(|| {
+            let first = self.particles.get(spring.particles.0)?.position.as_dvec3();
+            let second = self.particles.get(spring.particles.1)?.position.as_dvec3();
+            Some(first.distance(second) as f32)
+        })
+    }
+}

@@ -1,0 +1,163 @@
+//! The rules of a scene: which values are refused, and how the field at fault is named.
+
+use std::fmt;
+use std::time::Duration;
+
+use super::description::{MassSpringScene, ScenePlane, SceneSolver, SceneSpring};
+use super::error::{SceneError, SceneErrorReason};
+use crate::collider::{CollisionSettings, PlaneCollider};
+use crate::environment::Environment;
+use crate::parameter::{self, InvalidParameter};
+use crate::particle::Particle;
+use crate::settings::{Substeps, UnavailableIntegrator};
+
+/// A step from the root of a scene towards one of its fields.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Step {
+    Field(&'static str),
+    Index(usize),
+}
+
+/// The way from the root of a scene to one of its fields. Prints as `particles[3].mass`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Path(pub Vec<Step>);
+
+impl fmt::Display for Path {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (depth, step) in self.0.iter().enumerate() {
+            match step {
+                Step::Field(name) if depth == 0 => write!(formatter, "{name}")?,
+                Step::Field(name) => write!(formatter, ".{name}")?,
+                Step::Index(index) => write!(formatter, "[{index}]")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The first broken rule of a scene, and the field that breaks it.
+pub(super) struct Fault {
+    pub path: Path,
+    pub reason: SceneErrorReason,
+}
+
+impl Fault {
+    fn new(parents: &[Step], invalid: InvalidParameter) -> Self {
+        let InvalidParameter { field, value, expected } = invalid;
+        Self::with_expected(parents, field, value, expected.to_owned())
+    }
+
+    fn with_expected(parents: &[Step], field: &'static str, value: String, expected: String) -> Self {
+        let path = Path([parents, &[Step::Field(field)]].concat());
+        Self { reason: SceneErrorReason::OutOfRange { field: path.to_string(), value, expected }, path }
+    }
+}
+
+impl From<UnavailableIntegrator> for Fault {
+    fn from(source: UnavailableIntegrator) -> Self {
+        let path = Path(vec![Step::Field("solver"), Step::Field("integrator")]);
+        Self { reason: SceneErrorReason::Unavailable { field: path.to_string(), source }, path }
+    }
+}
+
+impl SceneSolver {
+    /// The time step as Bevy's clock counts it: rounded to whole nanoseconds.
+    ///
+    /// # Errors
+    /// If the time step is not finite and > 0, or rounds to nothing or to more than the clock counts
+    /// (about 6e11 years).
+    pub fn tick(&self) -> Result<Duration, InvalidParameter> {
+        let refuse = |expected| InvalidParameter {
+            field: "time_step",
+            value: format!("{:?}", self.time_step),
+            expected,
+        };
+        if !(self.time_step.is_finite() && self.time_step > 0.0) {
+            return Err(refuse("a finite number of seconds > 0"));
+        }
+        match Duration::try_from_secs_f64(self.time_step) {
+            Ok(tick) if !tick.is_zero() => Ok(tick),
+            _ => Err(refuse("a number of seconds that Bevy's clock of whole nanoseconds can count")),
+        }
+    }
+}
+
+impl MassSpringScene {
+    /// Checks every value of the scene. A scene from [`from_ron`](Self::from_ron) or
+    /// [`read`](Self::read) has passed already.
+    ///
+    /// # Errors
+    /// Names index and field of the first value at fault.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        self.first_fault().map_err(|fault| fault.reason.into())
+    }
+
+    pub(super) fn first_fault(&self) -> Result<(), Fault> {
+        self.check_settings()?;
+        for (index, particle) in self.particles.iter().enumerate() {
+            let parents = [Step::Field("particles"), Step::Index(index)];
+            parameter::finite("position", particle.position)
+                .and_then(|()| parameter::finite("velocity", particle.velocity))
+                .and_then(|()| Particle::new(particle.mass, particle.radius).validate())
+                .map_err(|invalid| Fault::new(&parents, invalid))?;
+        }
+        for (index, spring) in self.springs.iter().enumerate() {
+            self.check_spring(index, spring)?;
+        }
+        for (index, plane) in self.planes.iter().enumerate() {
+            let parents = [Step::Field("planes"), Step::Index(index)];
+            check_plane(plane).map_err(|invalid| Fault::new(&parents, invalid))?;
+        }
+        Ok(())
+    }
+
+    fn check_settings(&self) -> Result<(), Fault> {
+        Environment::from(self.environment)
+            .validate()
+            .map_err(|invalid| Fault::new(&[Step::Field("environment")], invalid))?;
+        let solver = [Step::Field("solver")];
+        self.solver.tick().map_err(|invalid| Fault::new(&solver, invalid))?;
+        self.solver.integrator.scheme()?;
+        if self.solver.substeps == Substeps::Fixed(0) {
+            let expected = "Auto or Fixed(n) with n >= 1".to_owned();
+            return Err(Fault::with_expected(&solver, "substeps", "Fixed(0)".to_owned(), expected));
+        }
+        CollisionSettings::from(self.collisions)
+            .validate()
+            .map_err(|invalid| Fault::new(&[Step::Field("collisions")], invalid))
+    }
+
+    fn check_spring(&self, index: usize, spring: &SceneSpring) -> Result<(), Fault> {
+        let parents = [Step::Field("springs"), Step::Index(index)];
+        let refuse = |expected| {
+            let ends = format!("{:?}", spring.particles);
+            Err(Fault::with_expected(&parents, "particles", ends, expected))
+        };
+        let (first, second) = spring.particles;
+        let count = self.particles.len();
+        if first.max(second) >= count {
+            return refuse(format!(
+                "two indices into the list of {count} particles, the first of which is 0"
+            ));
+        }
+        if first == second {
+            return refuse("the indices of two different particles".to_owned());
+        }
+        // An omitted rest length is checked as well: the distance of two ends may be too great for f32.
+        let rest_length = self.rest_length(spring).unwrap_or_default();
+        parameter::non_negative("rest_length", rest_length)
+            .and_then(|()| parameter::non_negative("stiffness", spring.stiffness))
+            .and_then(|()| parameter::non_negative("damping", spring.damping))
+            .map_err(|invalid| Fault::new(&parents, invalid))
+    }
+}
+
+fn check_plane(plane: &ScenePlane) -> Result<(), InvalidParameter> {
+    parameter::finite("point", plane.point)?;
+    parameter::finite("normal", plane.normal)?;
+    if plane.unit_normal().is_none() {
+        let value = format!("{:?}", plane.normal.to_array());
+        return Err(InvalidParameter { field: "normal", value, expected: "a vector that is not zero" });
+    }
+    PlaneCollider { restitution: plane.restitution, friction: plane.friction }.validate()
+}

@@ -1,0 +1,6 @@
+//! The command line, run as a process: what it writes, what it refuses, and with which exit status.
+
+mod motion;
+mod output;
+mod refusals;
+mod workplace;
