@@ -22,8 +22,14 @@ pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
 
-/// Rounds over the pairs in each substep.
-const VELOCITY_ROUNDS: usize = 2;
+/// Rounds over the velocities of all contacts in each substep.
+const VELOCITY_ROUNDS: usize = 4;
+
+/// Rounds over their positions.
+const POSITION_ROUNDS: usize = 2;
+
+/// As many contacts, at least, hold a jammed particle: fewer leave it free to slide or roll.
+const JAMMING_CONTACTS: u32 = 3;
 
 /// How particles collide with each other.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -73,7 +79,9 @@ pub struct Contacts {
     surfaces: Vec<Surface>,
     /// Whether each particle rests on the ground or on something that does.
     supported: Vec<bool>,
-    /// Positions at the start of the substep; kept only where something rubs.
+    /// How many resting contacts each particle has.
+    holds: Vec<u32>,
+    /// Positions at the start of the substep; kept only where something rubs or piles up.
     previous: Vectors,
 }
 
@@ -113,8 +121,7 @@ impl Contacts {
     pub(super) fn begin_substep(&mut self, particles: &Particles, settings: &StepSettings) {
         let rubbing_planes =
             settings.collide_with_planes && self.planes.iter().any(|plane| plane.friction > 0.0);
-        let rubbing_pairs = settings.pair_rules.is_some_and(|rules| rules.friction > 0.0);
-        if rubbing_planes || rubbing_pairs {
+        if rubbing_planes || settings.pair_rules.is_some() {
             self.previous.copy_from(&particles.position);
         }
     }
@@ -133,7 +140,8 @@ impl Contacts {
         }
         let rules = settings.pair_rules.unwrap_or_default();
         self.find_support(particles, settings.gravity);
-        self.solve_velocities(particles, rules);
+        self.solve_velocities(particles, rules, substep);
+        self.hold_jammed(particles, settings.gravity.length() * substep);
         self.solve_positions(particles, rules, substep);
         pairs::remember(&self.pair_contacts, &mut self.candidates);
         if self.recording {
@@ -180,29 +188,53 @@ impl Contacts {
         pairs::propagate_support(&mut self.pair_contacts, up, &mut self.supported);
     }
 
-    fn solve_velocities(&mut self, particles: &mut Particles, rules: PairRules) {
+    fn solve_velocities(&mut self, particles: &mut Particles, rules: PairRules, substep: f32) {
         if !self.pair_contacts.is_empty() {
-            for c in &mut self.pair_contacts {
-                c.impulses = Default::default();
-            }
+            pairs::warm_start(&mut self.pair_contacts, particles, substep);
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
                 self.solve_plane_velocities(particles);
-                pairs::solve_velocities(&mut self.pair_contacts, rules, particles);
+                pairs::solve_velocities(&mut self.pair_contacts, rules, particles, substep);
             }
         }
         self.solve_plane_velocities(particles);
         pairs::stop_sinking(&self.pair_contacts, particles);
     }
 
-    fn solve_positions(&mut self, particles: &mut Particles, rules: PairRules, substep: f32) {
-        pairs::solve_positions(&self.pair_contacts, rules, particles, &self.previous);
-        for contact in &self.plane_contacts {
-            let surface = &self.surfaces[contact.plane];
-            plane::solve_position(contact, surface, particles, &self.previous, substep);
+    /// Leaves a particle where it was that others hold from at least three sides, on the ground, and that
+    /// is slower than what gravity gives in a substep: it is jammed. Without it a pile would simmer at
+    /// that speed for ever, as the corrections of its overlaps stir it.
+    fn hold_jammed(&mut self, particles: &mut Particles, resting_speed: f32) {
+        if self.pair_contacts.is_empty() {
+            return;
         }
-        pairs::lift_sunken(&self.pair_contacts, particles);
+        self.holds.clear();
+        self.holds.resize(particles.len(), 0);
+        pairs::count_holds(&self.pair_contacts, &mut self.holds);
+        for contact in &self.plane_contacts {
+            self.holds[contact.slot] += 1;
+        }
+        for (slot, &holds) in self.holds.iter().enumerate() {
+            let jammed = holds >= JAMMING_CONTACTS && self.supported[slot];
+            if jammed
+                && particles.inverse_mass[slot] > 0.0
+                && particles.velocity.get(slot).length_squared() < resting_speed * resting_speed
+            {
+                particles.velocity.set(slot, Vec3::ZERO);
+                particles.position.set(slot, self.previous.get(slot));
+            }
+        }
+    }
+
+    fn solve_positions(&mut self, particles: &mut Particles, rules: PairRules, substep: f32) {
+        for _ in 0..POSITION_ROUNDS {
+            pairs::solve_positions(&self.pair_contacts, rules, particles, &self.previous);
+            for contact in &self.plane_contacts {
+                let surface = &self.surfaces[contact.plane];
+                plane::solve_position(contact, surface, particles, &self.previous, substep);
+            }
+        }
     }
 
     fn solve_plane_velocities(&mut self, particles: &mut Particles) {

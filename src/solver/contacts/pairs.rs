@@ -29,6 +29,8 @@ pub(super) struct PairContact {
     pub normal: Vec3,
     target_velocity: f32,
     pub impulses: Memory,
+    /// Whether the pair rests: its impulses are a load, and displace it as any force does.
+    resting: bool,
     /// Whether the lower particle carries the upper one and cannot give way.
     supports: bool,
 }
@@ -76,11 +78,12 @@ pub(super) fn find(
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
-        if distance > reach && (target_velocity > 0.0 || approach.velocity < -2.0 * rebound.resting_speed) {
+        let resting = target_velocity == 0.0 && approach.velocity.abs() <= 2.0 * rebound.resting_speed;
+        if distance > reach && !resting {
             return None;
         }
         let impulses = candidates.memory(pair);
-        Some(PairContact { first, second, pair, normal, target_velocity, impulses, supports: false })
+        Some(PairContact { first, second, pair, normal, target_velocity, impulses, resting, supports: false })
     });
     found.clear();
     found.extend(touching);
@@ -88,17 +91,22 @@ pub(super) fn find(
 }
 
 /// Applies the impulses of the last substep.
-pub(super) fn warm_start(contacts: &mut [PairContact], particles: &mut Particles) {
+pub(super) fn warm_start(contacts: &mut [PairContact], particles: &mut Particles, substep: f32) {
     for contact in contacts {
         // The normal has turned a little since: keep what is tangential to it now.
         contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
         let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        push_apart(contact, impulse, particles);
+        push_apart(contact, impulse, particles, substep);
     }
 }
 
 /// One round over all contacts.
-pub(super) fn solve_velocities(contacts: &mut [PairContact], rules: PairRules, particles: &mut Particles) {
+pub(super) fn solve_velocities(
+    contacts: &mut [PairContact],
+    rules: PairRules,
+    particles: &mut Particles,
+    substep: f32,
+) {
     for contact in contacts {
         let (first, second, normal) = (contact.first, contact.second, contact.normal);
         let inverse_mass = particles.inverse_mass[first] + particles.inverse_mass[second];
@@ -114,15 +122,24 @@ pub(super) fn solve_velocities(contacts: &mut [PairContact], rules: PairRules, p
         }
         let change =
             normal * (contact.impulses.normal - old.normal) + (contact.impulses.friction - old.friction);
-        push_apart(contact, change, particles);
+        push_apart(contact, change, particles, substep);
     }
 }
 
-fn push_apart(contact: &PairContact, impulse: Vec3, particles: &mut Particles) {
+fn push_apart(contact: &PairContact, impulse: Vec3, particles: &mut Particles, substep: f32) {
     let (first, second) = (contact.first, contact.second);
-    particles.velocity.add(first, impulse * particles.inverse_mass[first]);
-    particles.velocity.add(second, impulse * -particles.inverse_mass[second]);
+    let first_change = impulse * particles.inverse_mass[first];
+    let second_change = impulse * -particles.inverse_mass[second];
+    particles.velocity.add(first, first_change);
+    particles.velocity.add(second, second_change);
+    if contact.resting {
+        particles.position.add(first, first_change * substep);
+        particles.position.add(second, second_change * substep);
+    }
 }
+
+/// The part of its overlap that a resting pair is separated by in each round.
+const RESTING_CORRECTION: f32 = 0.5;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
 /// where they stuck.
@@ -141,6 +158,9 @@ pub(super) fn solve_positions(
         if depth <= 0.0 {
             continue;
         }
+        // A pile is lifted gently: each pair shares its particles with others, which would be hit by
+        // the whole correction.
+        let depth = if contact.resting { RESTING_CORRECTION * depth } else { depth };
         let mut correction = normal * depth;
         if rules.friction > 0.0 {
             let moved = |slot: usize| particles.position.get(slot) - previous.get(slot);
@@ -177,15 +197,11 @@ pub(super) fn stop_sinking(contacts: &[PairContact], particles: &mut Particles) 
     }
 }
 
-/// Lifts what still overlaps with something supported.
-pub(super) fn lift_sunken(contacts: &[PairContact], particles: &mut Particles) {
-    for contact in contacts.iter().filter(|contact| contact.supports) {
-        let (first, second) = (contact.first, contact.second);
-        let normal = contact.normal;
-        let depth = contact.depth(particles);
-        if depth > 0.0 && particles.inverse_mass[first] > 0.0 {
-            particles.position.add(first, normal * depth);
-        }
+/// Counts the resting contacts of each particle.
+pub(super) fn count_holds(contacts: &[PairContact], holds: &mut [u32]) {
+    for contact in contacts.iter().filter(|contact| contact.resting) {
+        holds[contact.first] += 1;
+        holds[contact.second] += 1;
     }
 }
 
