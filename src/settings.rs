@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 
 use crate::solver::Scheme;
+use crate::solver::stability::FrequencyBounds;
 
 /// How a tick is integrated.
 ///
@@ -16,6 +17,28 @@ pub struct SolverSettings {
     pub integrator: Integrator,
     /// How many substeps a tick is divided into. Default [`Substeps::Auto`].
     pub substeps: Substeps,
+}
+
+impl SolverSettings {
+    /// The scheme and the number of substeps that these settings mean for a net within `bounds` and a
+    /// tick of `time_step` seconds. [`Substeps::Fixed`] of 0 counts as 1.
+    ///
+    /// # Errors
+    /// [`UnavailableIntegrator`] for an integrator that this version does not have.
+    pub fn choose(
+        &self,
+        bounds: &FrequencyBounds,
+        time_step: f32,
+    ) -> Result<(Scheme, u32), UnavailableIntegrator> {
+        let named = self.integrator.scheme()?;
+        let scheme = named.unwrap_or(Scheme::SemiImplicitEuler);
+        let substeps = match (self.substeps, named) {
+            (Substeps::Fixed(count), Some(_)) => count.max(1),
+            (Substeps::Fixed(count), None) => count.max(bounds.auto_substeps(scheme, time_step)),
+            (Substeps::Auto, _) => bounds.auto_substeps(scheme, time_step),
+        };
+        Ok((scheme, substeps))
+    }
 }
 
 /// An integration scheme: how positions and velocities follow from accelerations.

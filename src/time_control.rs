@@ -14,10 +14,8 @@ use bevy::prelude::*;
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_mass_spring::prelude::*;
-/// fn step_on_space(keys: Res<ButtonInput<KeyCode>>, mut single_step: ResMut<SingleStep>) {
-///     if keys.just_pressed(KeyCode::Space) {
-///         single_step.request();
-///     }
+/// fn step_once(mut single_step: ResMut<SingleStep>) {
+///     single_step.request();
 /// }
 /// ```
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -8,9 +8,9 @@ use crate::collider::{CollisionSettings, Contact};
 use crate::diagnostics::Measurements;
 use crate::environment::Environment;
 use crate::report::TickReport;
-use crate::settings::{Integrator, SolverSettings, Substeps, UnavailableIntegrator};
+use crate::settings::{SolverSettings, Substeps};
 use crate::solver::stability::{FrequencyBounds, MAX_SUBSTEPS};
-use crate::solver::{PairRules, Scheme, StepSettings, energy, step};
+use crate::solver::{PairRules, StepSettings, energy, step};
 
 use super::Simulation;
 use super::gather::Gathered;
@@ -103,9 +103,10 @@ impl Planner<'_, '_> {
             *self.planned_viscosity = viscosity;
         }
         let time_step = self.time.delta_secs();
-        let choice = choose(*self.solver, &simulation.bounds, time_step, complaints);
+        let choice = self.solver.choose(&simulation.bounds, time_step);
         let (scheme, substeps) =
             choice.map_err(|refusal| complaints.push(format!("{refusal}; nothing moves"))).ok()?;
+        complaints.extend(self.substeps_complaint(&simulation.bounds, substeps));
         Some(StepSettings {
             scheme,
             substeps,
@@ -120,6 +121,23 @@ impl Planner<'_, '_> {
     }
 }
 
+impl Planner<'_, '_> {
+    /// What is wrong with the number of substeps.
+    fn substeps_complaint(&self, bounds: &FrequencyBounds, substeps: u32) -> Option<String> {
+        match self.solver.substeps {
+            Substeps::Fixed(0) => {
+                Some("SolverSettings: substeps is Fixed(0), expected at least 1; one is run".to_owned())
+            }
+            Substeps::Auto if substeps >= MAX_SUBSTEPS => Some(format!(
+                "the springs are so stiff for their masses that {MAX_SUBSTEPS} substeps a tick may not \
+                 suffice (angular frequency up to {:e} rad/s); the simulation may diverge",
+                bounds.angular_frequency
+            )),
+            _ => None,
+        }
+    }
+}
+
 fn bounds_of(simulation: &Simulation, viscosity: f32) -> FrequencyBounds {
     let springs = &simulation.state.springs;
     let listed = (0..springs.len()).map(|spring| {
@@ -127,33 +145,4 @@ fn bounds_of(simulation: &Simulation, viscosity: f32) -> FrequencyBounds {
         (first, second, springs.stiffness[spring], springs.damping[spring])
     });
     FrequencyBounds::of(&simulation.state.particles.inverse_mass, listed, viscosity)
-}
-
-/// The scheme and the number of substeps that the settings mean for a net with these bounds.
-fn choose(
-    settings: SolverSettings,
-    bounds: &FrequencyBounds,
-    time_step: f32,
-    complaints: &mut Vec<String>,
-) -> Result<(Scheme, u32), UnavailableIntegrator> {
-    let scheme = settings.integrator.scheme()?.unwrap_or(Scheme::SemiImplicitEuler);
-    let automatic = || bounds.auto_substeps(scheme, time_step);
-    let substeps = match (settings.substeps, settings.integrator) {
-        (Substeps::Fixed(0), _) => {
-            complaints
-                .push("SolverSettings: substeps is Fixed(0), expected at least 1; one is run".to_owned());
-            1
-        }
-        (Substeps::Fixed(count), Integrator::Auto) => count.max(automatic()),
-        (Substeps::Fixed(count), _) => count,
-        (Substeps::Auto, _) => automatic(),
-    };
-    if substeps >= MAX_SUBSTEPS && settings.substeps == Substeps::Auto {
-        complaints.push(format!(
-            "the springs are so stiff for their masses that {MAX_SUBSTEPS} substeps a tick do not suffice \
-             (angular frequency up to {:e} rad/s); the simulation may diverge",
-            bounds.angular_frequency
-        ));
-    }
-    Ok((scheme, substeps))
 }

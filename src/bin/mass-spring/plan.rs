@@ -1,9 +1,8 @@
 //! How a scene would be simulated, known before any tick has run.
 
-use bevy_mass_spring::scene::MassSpringScene;
-use bevy_mass_spring::solver::Scheme;
+use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
 use bevy_mass_spring::solver::stability::{FrequencyBounds, MAX_SUBSTEPS};
-use bevy_mass_spring::{Integrator, Substeps};
+use bevy_mass_spring::{Integrator, SolverSettings, Substeps};
 
 /// The scheme and the number of substeps of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,16 +27,9 @@ pub fn bounds(scene: &MassSpringScene) -> FrequencyBounds {
 
 /// What the settings of the scene amount to.
 pub fn plan(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Plan {
-    let solver = &scene.solver;
-    // A scheme that is not available was refused with the scene.
-    let named = solver.integrator.scheme().ok().flatten();
-    let scheme = named.unwrap_or(Scheme::SemiImplicitEuler);
-    let automatic = bounds.auto_substeps(scheme, solver.time_step as f32);
-    let substeps = match (solver.substeps, named) {
-        (Substeps::Auto, _) => automatic,
-        (Substeps::Fixed(count), Some(_)) => count,
-        (Substeps::Fixed(count), None) => count.max(automatic),
-    };
+    let SceneSolver { integrator, substeps, time_step } = scene.solver;
+    let choice = SolverSettings { integrator, substeps }.choose(bounds, time_step as f32);
+    let (scheme, substeps) = choice.expect("a scene with an integrator that is not available is refused");
     Plan { integrator: scheme.into(), substeps }
 }
 
