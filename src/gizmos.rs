@@ -1,5 +1,227 @@
-//! stub
-/// stub
+//! Draws particles, springs and planes with Bevy's gizmos.
+//!
+//! Owns the gizmo group [`MassSpringGizmos`] and reads components and published results only. It
+//! draws in `PostUpdate` from [`GlobalTransform`], hence where things are seen, after interpolation.
+
+use bevy::app::Plugin;
+use bevy::color::Mix;
+use bevy::gizmos::GizmoPlugin;
+use bevy::prelude::*;
+use bevy::transform::TransformSystems;
+
+use crate::collider::PlaneCollider;
+use crate::particle::{Particle, Pinned};
+use crate::spring::Spring;
+
+/// Draws the simulation with gizmos, as [`MassSpringGizmos`] says.
+///
+/// Add it after `DefaultPlugins`. In an app without Bevy's `GizmoPlugin`, such as a headless one, it
+/// does nothing.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// # app.add_plugins(MinimalPlugins);
+/// app.add_plugins((MassSpringPlugin::default(), MassSpringGizmosPlugin));
+/// # app.update();
+/// ```
+#[derive(Debug, Clone, Copy, Default)]
 pub struct MassSpringGizmosPlugin;
-/// stub
-pub struct MassSpringGizmos;
+
+impl Plugin for MassSpringGizmosPlugin {
+    fn build(&self, app: &mut App) {
+        if !app.is_plugin_added::<GizmoPlugin>() {
+            return;
+        }
+        app.init_gizmo_group::<MassSpringGizmos>().add_systems(
+            PostUpdate,
+            (draw_particles, draw_springs, draw_planes).after(TransformSystems::Propagate),
+        );
+        #[cfg(feature = "drag")]
+        app.add_systems(PostUpdate, draw_grip.after(TransformSystems::Propagate));
+    }
+}
+
+/// What is drawn, and how: the gizmo group of [`MassSpringGizmosPlugin`].
+///
+/// Change it through Bevy's `GizmoConfigStore`:
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// fn hide_planes(mut store: ResMut<GizmoConfigStore>) {
+///     store.config_mut::<MassSpringGizmos>().1.planes = false;
+/// }
+/// ```
+#[derive(Reflect, GizmoConfigGroup, Debug, Clone)]
+#[reflect(Default)]
+pub struct MassSpringGizmos {
+    /// Whether the outline of each particle is drawn. Default true.
+    pub particles: bool,
+    /// Whether springs are drawn as lines coloured by their stretch. Default true.
+    pub springs: bool,
+    /// Whether a patch of grid and the normal of each plane are drawn. Default true.
+    pub planes: bool,
+    /// Whether a ring marks the particle under the pointer or in its grip (feature `drag`). Default true.
+    pub grip: bool,
+    /// Colour of free particles.
+    pub particle_color: Color,
+    /// Colour of [`Pinned`] particles.
+    pub pinned_color: Color,
+    /// Colour of springs at their rest length.
+    pub relaxed_color: Color,
+    /// Colour of springs stretched by [`full_stretch`](Self::full_stretch) or more.
+    pub tension_color: Color,
+    /// Colour of springs compressed by [`full_stretch`](Self::full_stretch) or more.
+    pub compression_color: Color,
+    /// The |l − l0| / l0 at which a spring has its full colour, > 0. Default 0.1.
+    pub full_stretch: f32,
+    /// Colour of planes.
+    pub plane_color: Color,
+    /// Side of the square of a plane that is drawn, in m, > 0. Default 10.
+    pub plane_size: f32,
+    /// Colour of the ring around the particle under the pointer.
+    pub hovered_color: Color,
+    /// Colour of the ring around the particle in the pointer's grip.
+    pub dragged_color: Color,
+}
+
+impl Default for MassSpringGizmos {
+    fn default() -> Self {
+        Self {
+            particles: true,
+            springs: true,
+            planes: true,
+            grip: true,
+            particle_color: Color::srgb(0.35, 0.75, 1.0),
+            pinned_color: Color::srgb(1.0, 0.55, 0.2),
+            relaxed_color: Color::srgb(0.8, 0.8, 0.8),
+            tension_color: Color::srgb(1.0, 0.2, 0.15),
+            compression_color: Color::srgb(0.25, 0.4, 1.0),
+            full_stretch: 0.1,
+            plane_color: Color::srgb(0.45, 0.5, 0.55),
+            plane_size: 10.0,
+            hovered_color: Color::srgb(1.0, 1.0, 1.0),
+            dragged_color: Color::srgb(1.0, 0.85, 0.2),
+        }
+    }
+}
+
+impl MassSpringGizmos {
+    /// The colour of a spring that is `length` m long.
+    pub fn spring_color(&self, spring: &Spring, length: f32) -> Color {
+        // A spring of rest length 0 has no relative stretch: its length in m stands in for it.
+        let unit = if spring.rest_length > 0.0 { spring.rest_length } else { 1.0 };
+        let share = (length - spring.rest_length) / (unit * self.full_stretch);
+        let far = if share < 0.0 { self.compression_color } else { self.tension_color };
+        self.relaxed_color.mix(&far, share.abs().min(1.0))
+    }
+}
+
+fn draw_particles(
+    mut gizmos: Gizmos<MassSpringGizmos>,
+    particles: Query<(&Particle, &GlobalTransform, Has<Pinned>)>,
+) {
+    if !gizmos.config_ext.particles {
+        return;
+    }
+    for (particle, transform, pinned) in &particles {
+        let colors = &gizmos.config_ext;
+        let color = if pinned { colors.pinned_color } else { colors.particle_color };
+        gizmos.sphere(transform.translation(), particle.radius, color).resolution(16);
+    }
+}
+
+fn draw_springs(
+    mut gizmos: Gizmos<MassSpringGizmos>,
+    springs: Query<&Spring>,
+    particles: Query<&GlobalTransform, With<Particle>>,
+) {
+    if !gizmos.config_ext.springs {
+        return;
+    }
+    for spring in &springs {
+        if let Ok([first, second]) = particles.get_many(spring.particles) {
+            let (first, second) = (first.translation(), second.translation());
+            let color = gizmos.config_ext.spring_color(spring, first.distance(second));
+            gizmos.line(first, second, color);
+        }
+    }
+}
+
+fn draw_planes(mut gizmos: Gizmos<MassSpringGizmos>, planes: Query<&GlobalTransform, With<PlaneCollider>>) {
+    if !gizmos.config_ext.planes {
+        return;
+    }
+    let MassSpringGizmos { plane_color, plane_size, .. } = *gizmos.config_ext;
+    const CELLS: u32 = 10;
+    // Gizmo grids lie in the local xy plane; planes lie in the local xz plane.
+    let lying = Quat::from_rotation_arc(Vec3::Z, Vec3::Y);
+    for transform in &planes {
+        let (rotation, center) = (transform.rotation(), transform.translation());
+        let isometry = Isometry3d::new(center, rotation * lying);
+        let spacing = Vec2::splat(plane_size / CELLS as f32);
+        gizmos.grid(isometry, UVec2::splat(CELLS), spacing, plane_color).outer_edges();
+        gizmos.arrow(center, center + rotation * Vec3::Y * (0.1 * plane_size), plane_color);
+    }
+}
+
+/// Draws a ring, facing the camera, around the particle under the pointer or in its grip.
+#[cfg(feature = "drag")]
+fn draw_grip(
+    mut gizmos: Gizmos<MassSpringGizmos>,
+    drag: Option<Res<crate::drag::ParticleDrag>>,
+    particles: Query<(&Particle, &GlobalTransform)>,
+    cameras: Query<&GlobalTransform, With<Camera>>,
+) {
+    let Some(drag) = drag.filter(|_| gizmos.config_ext.grip) else { return };
+    let (particle, color) = match (drag.dragged, drag.hovered) {
+        (Some(dragged), _) => (dragged, gizmos.config_ext.dragged_color),
+        (None, Some(hovered)) => (hovered, gizmos.config_ext.hovered_color),
+        (None, None) => return,
+    };
+    let Some(camera) = drag.camera.and_then(|camera| cameras.get(camera).ok()) else { return };
+    let Ok((particle, transform)) = particles.get(particle) else { return };
+    let center = transform.translation();
+    // Around a tiny particle the ring would be too small to see: at least 1 % of the distance.
+    let radius = (1.4 * particle.radius).max(0.01 * center.distance(camera.translation()));
+    gizmos.circle(Isometry3d::new(center, camera.rotation()), radius, color);
+    if let Some(target) = drag.target {
+        gizmos.line(center, target, color);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn redness(color: Color) -> f32 {
+        let color = color.to_srgba();
+        color.red - color.blue
+    }
+
+    #[test]
+    fn springs_are_coloured_by_their_stretch() {
+        let gizmos = MassSpringGizmos::default();
+        let spring = Spring::new(Entity::PLACEHOLDER, Entity::PLACEHOLDER, 1.0);
+        assert_eq!(gizmos.spring_color(&spring, 1.0).to_srgba(), gizmos.relaxed_color.to_srgba());
+        assert!(redness(gizmos.spring_color(&spring, 1.05)) > 0.0);
+        assert!(redness(gizmos.spring_color(&spring, 0.95)) < 0.0);
+        assert_eq!(gizmos.spring_color(&spring, 9.0).to_srgba(), gizmos.tension_color.to_srgba());
+    }
+
+    #[test]
+    fn a_spring_of_rest_length_zero_has_a_finite_colour() {
+        let spring = Spring::new(Entity::PLACEHOLDER, Entity::PLACEHOLDER, 0.0);
+        let color = MassSpringGizmos::default().spring_color(&spring, 0.0).to_srgba();
+        assert!(color.red.is_finite());
+    }
+
+    #[test]
+    fn the_plugin_does_nothing_without_gizmos() {
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, MassSpringGizmosPlugin));
+        app.update();
+    }
+}

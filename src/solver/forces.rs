@@ -74,19 +74,31 @@ pub fn spring_force(
 
 /// Adds the force of every spring, equal and opposite on its two ends.
 fn add_spring_forces(springs: &Springs, position: &Vectors, velocity: &Vectors, force: &mut Vectors) {
+    // Slices of one known length, so that one bounds check serves all arrays.
+    let count = position.len();
+    let [position_x, position_y, position_z] = position.axes().map(|axis| &axis[..count]);
+    let [velocity_x, velocity_y, velocity_z] = velocity.axes().map(|axis| &axis[..count]);
+    let [force_x, force_y, force_z] = force.axes_mut().map(|axis| &mut axis[..count]);
+    let difference = |x: &[f32], y: &[f32], z: &[f32], first: usize, second: usize| {
+        Vec3::new(x[first] - x[second], y[first] - y[second], z[first] - z[second])
+    };
     let parameters = springs.rest_length.iter().zip(&springs.stiffness).zip(&springs.damping);
     let ends = springs.first.iter().zip(&springs.second);
     for ((&first, &second), ((&rest_length, &stiffness), &damping)) in ends.zip(parameters) {
         let (first, second) = (first as usize, second as usize);
         let pull = spring_force(
-            position.get(first) - position.get(second),
-            velocity.get(first) - velocity.get(second),
+            difference(position_x, position_y, position_z, first, second),
+            difference(velocity_x, velocity_y, velocity_z, first, second),
             rest_length,
             stiffness,
             damping,
         );
-        force.add(first, pull);
-        force.add(second, -pull);
+        force_x[first] += pull.x;
+        force_y[first] += pull.y;
+        force_z[first] += pull.z;
+        force_x[second] -= pull.x;
+        force_y[second] -= pull.y;
+        force_z[second] -= pull.z;
     }
 }
 

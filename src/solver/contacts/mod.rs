@@ -6,6 +6,7 @@
 //! mass. The files: `response.rs` the formulas, `grid.rs` and `candidates.rs` who may touch whom,
 //! `pairs.rs` and `plane.rs` the two kinds of contact.
 
+mod bodies;
 mod candidates;
 mod grid;
 mod pairs;
@@ -16,14 +17,19 @@ use bevy::math::Vec3;
 
 use super::StepSettings;
 use super::particles::{Particles, Vectors};
+use bodies::Body;
 use candidates::Candidates;
 use pairs::PairContact;
 pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
 
-/// Rounds over the velocities of all contacts in each substep.
+/// Most rounds over the velocities of all contacts in each substep.
 const VELOCITY_ROUNDS: usize = 4;
+
+/// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a
+/// substep: a settled pile then needs one look and no work.
+const SETTLED_ERROR: f32 = 0.02;
 
 /// Rounds over their positions.
 const POSITION_ROUNDS: usize = 2;
@@ -77,6 +83,7 @@ pub struct Contacts {
     pair_contacts: Vec<PairContact>,
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
+    bodies: Vec<Body>,
     /// Whether each particle rests on the ground or on something that does.
     supported: Vec<bool>,
     /// How many resting contacts each particle has.
@@ -139,11 +146,13 @@ impl Contacts {
             return;
         }
         let rules = settings.pair_rules.unwrap_or_default();
-        self.find_support(particles, settings.gravity);
-        self.solve_velocities(particles, rules, substep);
-        self.hold_jammed(particles, settings.gravity.length() * substep);
-        self.solve_positions(particles, rules, substep);
+        self.find_support(settings.gravity);
+        let gravity = settings.gravity.length();
+        self.solve_velocities(rules, gravity, substep);
+        self.hold_jammed(gravity * substep);
+        self.solve_positions(rules, substep);
         pairs::remember(&self.pair_contacts, &mut self.candidates);
+        bodies::write_back(&self.bodies, particles);
         if self.recording {
             self.record(particles);
         }
@@ -170,76 +179,82 @@ impl Contacts {
         if settings.pair_rules.is_some() {
             let up = -settings.gravity.normalize_or_zero();
             self.candidates.refresh(particles, up, settings.time_step);
-            pairs::find(&mut self.candidates, particles, rebound, &mut self.pair_contacts);
+            bodies::fill(&mut self.bodies, particles);
+            let Self { candidates, bodies, pair_contacts, .. } = self;
+            pairs::find(candidates, bodies, &particles.acceleration, rebound, pair_contacts);
+        } else if !self.plane_contacts.is_empty() {
+            bodies::fill(&mut self.bodies, particles);
         }
     }
 
     /// Finds out which contacts carry weight down to the ground.
-    fn find_support(&mut self, particles: &Particles, gravity: Vec3) {
+    fn find_support(&mut self, gravity: Vec3) {
         if self.pair_contacts.is_empty() {
             return;
         }
         let up = -gravity.normalize_or_zero();
         self.supported.clear();
-        self.supported.extend(particles.inverse_mass.iter().map(|inverse_mass| *inverse_mass == 0.0));
+        self.supported.extend(self.bodies.iter().map(|body| body.inverse_mass == 0.0));
         for contact in &self.plane_contacts {
             self.supported[contact.slot] |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
         }
         pairs::propagate_support(&mut self.pair_contacts, up, &mut self.supported);
     }
 
-    fn solve_velocities(&mut self, particles: &mut Particles, rules: PairRules, substep: f32) {
+    fn solve_velocities(&mut self, rules: PairRules, gravity: f32, substep: f32) {
         if !self.pair_contacts.is_empty() {
-            pairs::warm_start(&mut self.pair_contacts, particles, substep);
+            let tolerance = SETTLED_ERROR * gravity * substep;
+            pairs::warm_start(&mut self.pair_contacts, &mut self.bodies, substep);
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
-                self.solve_plane_velocities(particles);
-                pairs::solve_velocities(&mut self.pair_contacts, rules, particles, substep);
+                self.solve_plane_velocities();
+                let Self { pair_contacts, bodies, .. } = self;
+                if !pairs::solve_velocities(pair_contacts, rules, bodies, substep, tolerance) {
+                    break;
+                }
             }
         }
-        self.solve_plane_velocities(particles);
-        pairs::stop_sinking(&self.pair_contacts, particles);
+        self.solve_plane_velocities();
+        pairs::stop_sinking(&self.pair_contacts, &mut self.bodies);
+    }
+
+    fn solve_plane_velocities(&mut self) {
+        for contact in &mut self.plane_contacts {
+            plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
+        }
     }
 
     /// Leaves a particle where it was that others hold from at least three sides, on the ground, and that
     /// is slower than what gravity gives in a substep: it is jammed. Without it a pile would simmer at
     /// that speed for ever, as the corrections of its overlaps stir it.
-    fn hold_jammed(&mut self, particles: &mut Particles, resting_speed: f32) {
+    fn hold_jammed(&mut self, resting_speed: f32) {
         if self.pair_contacts.is_empty() {
             return;
         }
         self.holds.clear();
-        self.holds.resize(particles.len(), 0);
+        self.holds.resize(self.bodies.len(), 0);
         pairs::count_holds(&self.pair_contacts, &mut self.holds);
         for contact in &self.plane_contacts {
             self.holds[contact.slot] += 1;
         }
-        for (slot, &holds) in self.holds.iter().enumerate() {
-            let jammed = holds >= JAMMING_CONTACTS && self.supported[slot];
-            if jammed
-                && particles.inverse_mass[slot] > 0.0
-                && particles.velocity.get(slot).length_squared() < resting_speed * resting_speed
-            {
-                particles.velocity.set(slot, Vec3::ZERO);
-                particles.position.set(slot, self.previous.get(slot));
+        for (slot, body) in self.bodies.iter_mut().enumerate() {
+            let held = self.holds[slot] >= JAMMING_CONTACTS && self.supported[slot];
+            let slow = body.velocity.length_squared() < resting_speed * resting_speed;
+            if held && slow && body.inverse_mass > 0.0 {
+                body.velocity = Vec3::ZERO;
+                body.position = self.previous.get(slot);
             }
         }
     }
 
-    fn solve_positions(&mut self, particles: &mut Particles, rules: PairRules, substep: f32) {
+    fn solve_positions(&mut self, rules: PairRules, substep: f32) {
+        let Self { pair_contacts, plane_contacts, surfaces, bodies, previous, .. } = self;
         for _ in 0..POSITION_ROUNDS {
-            pairs::solve_positions(&self.pair_contacts, rules, particles, &self.previous);
-            for contact in &self.plane_contacts {
-                let surface = &self.surfaces[contact.plane];
-                plane::solve_position(contact, surface, particles, &self.previous, substep);
+            pairs::solve_positions(pair_contacts, rules, bodies, previous);
+            for contact in &*plane_contacts {
+                plane::solve_position(contact, &surfaces[contact.plane], bodies, previous, substep);
             }
-        }
-    }
-
-    fn solve_plane_velocities(&mut self, particles: &mut Particles) {
-        for contact in &mut self.plane_contacts {
-            plane::solve_velocity(contact, &self.surfaces[contact.plane], particles);
         }
     }
 

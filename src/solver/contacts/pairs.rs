@@ -12,9 +12,10 @@
 
 use bevy::math::Vec3;
 
-use crate::solver::particles::{Particles, Vectors};
+use crate::solver::particles::Vectors;
 
 use super::PairRules;
+use super::bodies::Body;
 use super::candidates::{Candidates, Memory};
 use super::response::{Approach, Rebound, friction, tangential};
 
@@ -28,6 +29,8 @@ pub(super) struct PairContact {
     /// From the second to the first.
     pub normal: Vec3,
     target_velocity: f32,
+    /// 1 / (1/m1 + 1/m2), kg.
+    reduced_mass: f32,
     pub impulses: Memory,
     /// Whether the pair rests: its impulses are a load, and displace it as any force does.
     resting: bool,
@@ -38,43 +41,57 @@ pub(super) struct PairContact {
 impl PairContact {
     /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
     /// a particle that is lifted past the centre of the next one is still below it.
-    fn depth(&self, particles: &Particles) -> f32 {
-        let separation = particles.position.get(self.first) - particles.position.get(self.second);
-        particles.radius[self.first] + particles.radius[self.second] - separation.dot(self.normal)
+    #[inline]
+    fn depth(&self, bodies: &[Body]) -> f32 {
+        let (first, second) = (&bodies[self.first], &bodies[self.second]);
+        first.radius + second.radius - (first.position - second.position).dot(self.normal)
+    }
+
+    #[inline]
+    fn relative_velocity(&self, bodies: &[Body]) -> Vec3 {
+        bodies[self.first].velocity - bodies[self.second].velocity
+    }
+
+    #[inline(always)]
+    fn apply(&self, impulse: Vec3, bodies: &mut [Body], substep: f32) {
+        let first_change = impulse * bodies[self.first].inverse_mass;
+        let second_change = impulse * -bodies[self.second].inverse_mass;
+        bodies[self.first].velocity += first_change;
+        bodies[self.second].velocity += second_change;
+        if self.resting {
+            bodies[self.first].position += first_change * substep;
+            bodies[self.second].position += second_change * substep;
+        }
     }
 }
 
-/// The unit vector from `second` to `first`; +Y for two particles in the same place.
-fn normal_between(first: Vec3, second: Vec3) -> (Vec3, f32) {
-    let separation = first - second;
-    let distance = separation.length();
-    if distance == 0.0 {
-        return (Vec3::Y, 0.0);
-    }
-    (separation / distance, distance)
+/// The unit vector along `separation`; +Y for two particles in the same place.
+fn direction(separation: Vec3, distance: f32) -> Vec3 {
+    if distance == 0.0 { Vec3::Y } else { separation / distance }
 }
 
 /// Finds the touching pairs among the candidates, and forgets the impulses of the others.
 pub(super) fn find(
     candidates: &mut Candidates,
-    particles: &Particles,
+    bodies: &[Body],
+    acceleration: &Vectors,
     rebound: Rebound,
     found: &mut Vec<PairContact>,
 ) {
     let touching = candidates.bottom_up().filter_map(|(second, first, pair)| {
-        let (position, radius) = (&particles.position, &particles.radius);
-        let reach = radius[first] + radius[second];
-        let separation = position.get(first) - position.get(second);
+        let (upper, lower) = (&bodies[first], &bodies[second]);
+        let reach = upper.radius + lower.radius;
+        let separation = upper.position - lower.position;
+        let squared = separation.length_squared();
         let most = reach + rebound.slop;
-        // Not a comparison with >: a non-finite pair does not touch.
-        if !(separation.length_squared() <= most * most) {
+        if squared > most * most || squared.is_nan() {
             return None;
         }
-        let (normal, distance) = normal_between(position.get(first), position.get(second));
-        let relative = |vectors: &Vectors| (vectors.get(first) - vectors.get(second)).dot(normal);
+        let distance = squared.sqrt();
+        let normal = direction(separation, distance);
         let approach = Approach {
-            velocity: relative(&particles.velocity),
-            acceleration: relative(&particles.acceleration),
+            velocity: (upper.velocity - lower.velocity).dot(normal),
+            acceleration: (acceleration.get(first) - acceleration.get(second)).dot(normal),
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
@@ -82,8 +99,17 @@ pub(super) fn find(
         if distance > reach && !resting {
             return None;
         }
-        let impulses = candidates.memory(pair);
-        Some(PairContact { first, second, pair, normal, target_velocity, impulses, resting, supports: false })
+        Some(PairContact {
+            first,
+            second,
+            pair,
+            normal,
+            target_velocity,
+            reduced_mass: 1.0 / (upper.inverse_mass + lower.inverse_mass),
+            impulses: candidates.memory(pair),
+            resting,
+            supports: false,
+        })
     });
     found.clear();
     found.extend(touching);
@@ -91,86 +117,87 @@ pub(super) fn find(
 }
 
 /// Applies the impulses of the last substep.
-pub(super) fn warm_start(contacts: &mut [PairContact], particles: &mut Particles, substep: f32) {
+pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], substep: f32) {
     for contact in contacts {
         // The normal has turned a little since: keep what is tangential to it now.
         contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
         let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        push_apart(contact, impulse, particles, substep);
+        contact.apply(impulse, bodies, substep);
     }
 }
 
-/// One round over all contacts.
+/// One round over all contacts. Velocities along resting contacts are left alone up to `tolerance`, m/s.
+/// Returns whether any had to be corrected.
 pub(super) fn solve_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
-    particles: &mut Particles,
+    bodies: &mut [Body],
     substep: f32,
-) {
+    tolerance: f32,
+) -> bool {
+    let mut corrected = false;
     for contact in contacts {
-        let (first, second, normal) = (contact.first, contact.second, contact.normal);
-        let inverse_mass = particles.inverse_mass[first] + particles.inverse_mass[second];
-        let relative = particles.velocity.get(first) - particles.velocity.get(second);
-
+        let relative = contact.relative_velocity(bodies);
         let old = contact.impulses;
-        let wanted = (contact.target_velocity - relative.dot(normal)) / inverse_mass;
-        contact.impulses.normal = (old.normal + wanted).max(0.0);
+        let missing = contact.target_velocity - relative.dot(contact.normal);
+        if missing <= 0.0 && old.normal == 0.0 {
+            continue;
+        }
+        if contact.resting && relative.length_squared() < tolerance * tolerance {
+            continue;
+        }
+        contact.impulses.normal = (old.normal + missing * contact.reduced_mass).max(0.0);
+        let mut change = contact.normal * (contact.impulses.normal - old.normal);
         if rules.friction > 0.0 {
-            let sticking = old.friction - tangential(relative, normal) / inverse_mass;
+            let sticking = old.friction - tangential(relative, contact.normal) * contact.reduced_mass;
             let limit = rules.friction * contact.impulses.normal;
             contact.impulses.friction = sticking.clamp_length_max(limit);
+            change += contact.impulses.friction - old.friction;
         }
-        let change =
-            normal * (contact.impulses.normal - old.normal) + (contact.impulses.friction - old.friction);
-        push_apart(contact, change, particles, substep);
+        corrected = true;
+        contact.apply(change, bodies, substep);
     }
+    corrected
 }
 
-fn push_apart(contact: &PairContact, impulse: Vec3, particles: &mut Particles, substep: f32) {
-    let (first, second) = (contact.first, contact.second);
-    let first_change = impulse * particles.inverse_mass[first];
-    let second_change = impulse * -particles.inverse_mass[second];
-    particles.velocity.add(first, first_change);
-    particles.velocity.add(second, second_change);
-    if contact.resting {
-        particles.position.add(first, first_change * substep);
-        particles.position.add(second, second_change * substep);
-    }
-}
-
-/// The part of its overlap that a resting pair is separated by in each round.
+/// The part of its overlap that a resting pair is separated by in each round. A pile is lifted gently:
+/// each pair shares its particles with others, which would be hit by the whole correction.
 const RESTING_CORRECTION: f32 = 0.5;
 
+/// The overlap that a resting pair may keep, as a part of its reach.
+const RESTING_OVERLAP: f32 = 0.001;
+
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
-/// where they stuck.
-///
-/// `previous` are the positions at the start of the substep, empty where there is no friction.
+/// where they stuck. `previous` are the positions at the start of the substep.
 pub(super) fn solve_positions(
     contacts: &[PairContact],
     rules: PairRules,
-    particles: &mut Particles,
+    bodies: &mut [Body],
     previous: &Vectors,
 ) {
     for contact in contacts {
+        let depth = contact.depth(bodies);
         let (first, second) = (contact.first, contact.second);
-        let normal = contact.normal;
-        let depth = contact.depth(particles);
-        if depth <= 0.0 {
+        let (most, part) = if contact.resting {
+            (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
+        } else {
+            (0.0, 1.0)
+        };
+        if depth <= most {
             continue;
         }
-        // A pile is lifted gently: each pair shares its particles with others, which would be hit by
-        // the whole correction.
-        let depth = if contact.resting { RESTING_CORRECTION * depth } else { depth };
-        let mut correction = normal * depth;
+        let depth = part * (depth - most);
+        let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
-            let moved = |slot: usize| particles.position.get(slot) - previous.get(slot);
-            let slip = tangential(moved(first) - moved(second), normal);
+            let moved = |slot: usize| bodies[slot].position - previous.get(slot);
+            let slip = tangential(moved(first) - moved(second), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
-        let (first_share, second_share) = (particles.inverse_mass[first], particles.inverse_mass[second]);
-        let correction = correction / (first_share + second_share);
-        particles.position.add(first, correction * first_share);
-        particles.position.add(second, correction * -second_share);
+        let correction = correction * contact.reduced_mass;
+        let first_correction = correction * bodies[first].inverse_mass;
+        let second_correction = correction * -bodies[second].inverse_mass;
+        bodies[first].position += first_correction;
+        bodies[second].position += second_correction;
     }
 }
 
@@ -186,13 +213,12 @@ pub(super) fn propagate_support(contacts: &mut [PairContact], up: Vec3, supporte
 }
 
 /// Stops what still sinks onto something supported.
-pub(super) fn stop_sinking(contacts: &[PairContact], particles: &mut Particles) {
+pub(super) fn stop_sinking(contacts: &[PairContact], bodies: &mut [Body]) {
     for contact in contacts.iter().filter(|contact| contact.supports) {
-        let (first, second, normal) = (contact.first, contact.second, contact.normal);
-        let relative = particles.velocity.get(first) - particles.velocity.get(second);
-        let approach = relative.dot(normal);
-        if approach < 0.0 && particles.inverse_mass[first] > 0.0 {
-            particles.velocity.add(first, normal * -approach);
+        let approach = contact.relative_velocity(bodies).dot(contact.normal);
+        let upper = &mut bodies[contact.first];
+        if approach < 0.0 && upper.inverse_mass > 0.0 {
+            upper.velocity -= contact.normal * approach;
         }
     }
 }

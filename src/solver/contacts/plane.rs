@@ -4,6 +4,7 @@ use bevy::math::{Quat, Vec3};
 
 use crate::solver::particles::{Particles, Vectors};
 
+use super::bodies::Body;
 use super::response::{Approach, Rebound, friction, tangential};
 
 /// A position and an orientation.
@@ -105,7 +106,7 @@ pub(super) fn find(
     for (slot, &radius) in particles.radius.iter().enumerate() {
         let position = particles.position.get(slot);
         let depth = surface.depth(position, radius);
-        if depth < 0.0 || particles.inverse_mass[slot] == 0.0 {
+        if depth < 0.0 || depth.is_nan() || particles.inverse_mass[slot] == 0.0 {
             continue;
         }
         let surface_velocity = surface.velocity_at(position);
@@ -120,38 +121,36 @@ pub(super) fn find(
 }
 
 /// Gives the particle its velocity after the contact, unless it has left already, and rubs it.
-pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, particles: &mut Particles) {
-    let slot = contact.slot;
-    let relative = particles.velocity.get(slot) - contact.surface_velocity;
+pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodies: &mut [Body]) {
+    let body = &mut bodies[contact.slot];
+    let relative = body.velocity - contact.surface_velocity;
     let change = contact.target_velocity - relative.dot(surface.normal);
     if change <= 0.0 {
         return;
     }
     let rubbing = friction(tangential(relative, surface.normal), surface.friction * change);
-    particles.velocity.add(slot, surface.normal * change + rubbing);
-    contact.impulse += change / particles.inverse_mass[slot];
+    body.velocity += surface.normal * change + rubbing;
+    contact.impulse += change / body.inverse_mass;
 }
 
 /// Puts the particle back onto the surface; static friction takes it back to where it stuck.
-///
 /// `previous` are the positions at the start of the substep, empty where there is no friction.
 pub(super) fn solve_position(
     contact: &PlaneContact,
     surface: &Surface,
-    particles: &mut Particles,
+    bodies: &mut [Body],
     previous: &Vectors,
     substep: f32,
 ) {
-    let slot = contact.slot;
-    let position = particles.position.get(slot);
-    let depth = surface.depth(position, particles.radius[slot]);
+    let body = &mut bodies[contact.slot];
+    let depth = surface.depth(body.position, body.radius);
     if depth <= 0.0 {
         return;
     }
     let mut correction = surface.normal * depth;
     if surface.friction > 0.0 {
-        let slip = position - previous.get(slot) - contact.surface_velocity * substep;
+        let slip = body.position - previous.get(contact.slot) - contact.surface_velocity * substep;
         correction += friction(tangential(slip, surface.normal), surface.friction * depth);
     }
-    particles.position.add(slot, correction);
+    body.position += correction;
 }

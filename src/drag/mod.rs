@@ -1,0 +1,136 @@
+//! Picks particles with the pointer and drags them.
+//!
+//! [`picking`] is a backend of Bevy's picking that needs no meshes; [`grip`] follows the pointer. This
+//! room owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves particles as any game
+//! could, pinned ones by their `Transform` and free ones by their `AppliedForce`, and knows nothing of
+//! the solver.
+
+mod grip;
+mod picking;
+
+use bevy::app::Plugin;
+use bevy::ecs::intern::Interned;
+use bevy::ecs::schedule::ScheduleLabel;
+use bevy::input::InputSystems;
+use bevy::picking::{InteractionPlugin, PickingSystems};
+use bevy::prelude::*;
+
+use crate::MassSpringSystems;
+
+/// Lets the pointer drag particles.
+///
+/// The left button drags any particle: a [`Pinned`](crate::particle::Pinned) one follows the pointer
+/// in the plane through it that faces the camera, a free one is pulled towards it by a force in
+/// proportion to its mass (see [`ParticleDragSettings`]). While `Time<Virtual>` is paused a free one
+/// follows too, since no force acts then. Ctrl with the middle or right button, anywhere in the scene,
+/// drags the anchor: the particle marked with [`DragAnchor`], else the pinned one that is nearest to
+/// the pointer.
+///
+/// What is under the pointer and in its grip is published as [`ParticleDrag`], where
+/// [`MassSpringGizmosPlugin`](https://docs.rs/bevy_mass_spring) finds it to draw a ring. Anything that
+/// covers the scene for Bevy's picking, such as an egui panel, covers the particles as well.
+///
+/// Add it after `DefaultPlugins`. In an app without Bevy's picking it does nothing.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// # app.add_plugins(MinimalPlugins);
+/// app.add_plugins((MassSpringPlugin::default(), ParticleDragPlugin::default()));
+/// # app.update();
+/// ```
+#[derive(Debug, Clone)]
+pub struct ParticleDragPlugin {
+    schedule: Interned<dyn ScheduleLabel>,
+}
+
+impl Default for ParticleDragPlugin {
+    fn default() -> Self {
+        Self::new(FixedPostUpdate)
+    }
+}
+
+impl ParticleDragPlugin {
+    /// Pulls free particles in `schedule`, which must be that of
+    /// [`MassSpringPlugin`](crate::MassSpringPlugin).
+    pub fn new(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Plugin for ParticleDragPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<ParticleDrag>().init_resource::<ParticleDragSettings>().register_type::<(
+            ParticleDrag,
+            ParticleDragSettings,
+            DragAnchor,
+        )>();
+        if !app.is_plugin_added::<InteractionPlugin>() {
+            return;
+        }
+        app.init_resource::<grip::Grip>()
+            .add_systems(
+                PreUpdate,
+                (
+                    picking::pick_particles.in_set(PickingSystems::Backend),
+                    (grip::follow_presses, grip::publish_hovered, grip::move_target, grip::place_particle)
+                        .chain()
+                        .in_set(PickingSystems::PostHover)
+                        .after(InputSystems),
+                ),
+            )
+            .add_systems(
+                self.schedule,
+                (
+                    grip::pull_particle.before(MassSpringSystems::Gather),
+                    grip::take_back_pull.after(MassSpringSystems::Scatter),
+                ),
+            );
+    }
+}
+
+/// Which particle the pointer is over, and which it drags. Written by [`ParticleDragPlugin`] once a frame.
+#[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct ParticleDrag {
+    /// The particle under the pointer.
+    pub hovered: Option<Entity>,
+    /// The particle in the pointer's grip.
+    pub dragged: Option<Entity>,
+    /// Where the dragged particle is wanted, in world space, m.
+    pub target: Option<Vec3>,
+    /// The camera through which the pointer sees the particle that is hovered or dragged.
+    pub camera: Option<Entity>,
+}
+
+/// How [`ParticleDragPlugin`] picks and pulls.
+#[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct ParticleDragSettings {
+    /// Whether particles can be picked and dragged. Default true.
+    pub enabled: bool,
+    /// Particles that look smaller than this radius, in logical pixels, are picked as if they had it.
+    /// Finite and >= 0, default 10.
+    pub pick_radius: f32,
+    /// The angular frequency ω, in rad/s, of the critically damped pull on a free particle:
+    /// F = m (ω² (target − x) − 2 ω v − g), and what it takes to carry what hangs from it. Finite and
+    /// > 0, default 25.
+    ///
+    /// At time steps above 1/60 s, a smaller one is used where this one would be unstable.
+    pub frequency: f32,
+    /// The largest acceleration in m/s² that the pull gives to a particle, gravity aside. Finite and
+    /// >= 0, default 400.
+    pub max_acceleration: f32,
+}
+
+impl Default for ParticleDragSettings {
+    fn default() -> Self {
+        Self { enabled: true, pick_radius: 10.0, frequency: 25.0, max_acceleration: 400.0 }
+    }
+}
+
+/// Marks the particle that Ctrl with the middle or right button drags from anywhere.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct DragAnchor;

@@ -1,0 +1,147 @@
+//! What the plots show: a window of the last seconds, recorded tick by tick.
+
+use std::collections::VecDeque;
+
+use bevy::prelude::*;
+
+use crate::diagnostics::Measurements;
+use crate::particle::{Particle, ParticleVelocity};
+use crate::report::TickReport;
+use crate::spring::Spring;
+
+/// The length of the plotted window, s.
+pub(super) const SECONDS: f64 = 10.0;
+/// At most this many samples of energy are kept.
+const ENERGY_SAMPLES: usize = 800;
+/// At most this many points are plotted along the springs.
+const TENSION_POINTS: usize = 400;
+/// The cost is averaged over this many ticks.
+const COST_SAMPLES: usize = 60;
+
+/// Energies at one moment, in J.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EnergySample {
+    pub(super) time: f64,
+    pub(super) kinetic: f64,
+    pub(super) elastic: f64,
+    pub(super) gravitational: f64,
+}
+
+/// The recorded past, in rings of fixed length.
+#[derive(Resource, Default)]
+pub(super) struct History {
+    pub(super) energy: VecDeque<EnergySample>,
+    /// (number of the spring, tension in N), of the last tick.
+    pub(super) tension: Vec<[f64; 2]>,
+    /// Milliseconds of gather, step and scatter.
+    pub(super) cost: VecDeque<[f64; 3]>,
+    last_tick: u64,
+}
+
+impl History {
+    /// The mean cost of a tick in ms: gather, step, scatter.
+    pub(super) fn mean_cost(&self) -> [f64; 3] {
+        let count = self.cost.len().max(1) as f64;
+        std::array::from_fn(|stage| self.cost.iter().fold(0.0, |sum, cost| sum + cost[stage]) / count)
+    }
+
+    fn record_energy(&mut self, time: f64, measurements: &Measurements) {
+        let interval = SECONDS / ENERGY_SAMPLES as f64;
+        // Half a microsecond of tolerance: the time is a sum of rounded steps.
+        if self.energy.back().is_some_and(|last| time - last.time < interval - 5e-7) {
+            return;
+        }
+        while self.energy.len() >= ENERGY_SAMPLES
+            || self.energy.front().is_some_and(|first| time - first.time > SECONDS)
+        {
+            self.energy.pop_front();
+        }
+        self.energy.push_back(EnergySample {
+            time,
+            kinetic: measurements.kinetic_energy,
+            elastic: measurements.elastic_energy,
+            gravitational: measurements.gravitational_energy,
+        });
+    }
+
+    fn record_cost(&mut self, report: &TickReport) {
+        if self.cost.len() >= COST_SAMPLES {
+            self.cost.pop_front();
+        }
+        let stages = [report.gather_time, report.step_time, report.scatter_time];
+        self.cost.push_back(stages.map(|stage| stage.as_secs_f64() * 1e3));
+    }
+}
+
+/// A tick counter that runs backwards means a restart: the past is forgotten.
+pub(super) fn forget_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
+    if report.tick < history.last_tick {
+        history.energy.clear();
+        history.tension.clear();
+        history.last_tick = report.tick;
+    }
+}
+
+/// Records one tick.
+pub(super) fn record_history(
+    mut history: ResMut<History>,
+    time: Res<Time>,
+    (report, measurements): (Res<TickReport>, Res<Measurements>),
+    springs: Query<&Spring>,
+    particles: Query<(&Transform, &ParticleVelocity), With<Particle>>,
+) {
+    history.last_tick = report.tick;
+    history.record_energy(time.elapsed_secs_f64(), &measurements);
+    history.record_cost(&report);
+
+    let count = springs.iter().len();
+    // Long nets are plotted as the largest tension of each group of neighbours.
+    let group = count.div_ceil(TENSION_POINTS).max(1);
+    history.tension.clear();
+    for (index, spring) in springs.iter().enumerate() {
+        let tension = particles.get_many(spring.particles).map_or(0.0, |ends| tension(spring, ends));
+        if index % group == 0 {
+            history.tension.push([index as f64 + 1.0, tension]);
+        } else if let Some(last) = history.tension.last_mut() {
+            last[1] = last[1].max(tension);
+        }
+    }
+}
+
+/// The force with which a spring pulls its ends together, damper included, in N; negative if it pushes.
+fn tension(spring: &Spring, ends: [(&Transform, &ParticleVelocity); 2]) -> f64 {
+    let [(first, first_velocity), (second, second_velocity)] = ends;
+    let between = first.translation - second.translation;
+    let length = between.length();
+    if length == 0.0 {
+        return 0.0;
+    }
+    let rate = (first_velocity.0 - second_velocity.0).dot(between / length);
+    f64::from(spring.stiffness * (length - spring.rest_length) + spring.damping * rate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_is_bounded_in_time_and_in_number() {
+        let mut history = History::default();
+        for tick in 0..20_000 {
+            history.record_energy(f64::from(tick) * 1e-3, &Measurements::default());
+        }
+        let (first, last) = (history.energy.front().unwrap().time, history.energy.back().unwrap().time);
+        assert!(history.energy.len() <= ENERGY_SAMPLES);
+        assert!((last - first) > 0.9 * SECONDS && (last - first) <= SECONDS + 1e-9, "{first} to {last}");
+    }
+
+    #[test]
+    fn a_stretched_spring_pulls() {
+        let spring =
+            Spring::new(Entity::PLACEHOLDER, Entity::PLACEHOLDER, 1.0).with_stiffness(10.0).with_damping(2.0);
+        let (at, moving) = (Transform::from_xyz(1.5, 0.0, 0.0), ParticleVelocity(Vec3::X));
+        let (origin, resting) = (Transform::IDENTITY, ParticleVelocity::default());
+        assert_eq!(tension(&spring, [(&at, &moving), (&origin, &resting)]), 7.0);
+        assert_eq!(tension(&spring, [(&origin, &resting), (&origin, &resting)]), 0.0);
+    }
+}

@@ -1,0 +1,169 @@
+//! Every parameter of the simulation, live.
+
+use std::time::Duration;
+
+use bevy::prelude::*;
+use bevy_egui::egui::{self, DragValue, Ui};
+
+use super::widgets::{Scale, TEXT_SIZE, parameter, row};
+use crate::collider::{CollisionSettings, PlaneCollider};
+use crate::environment::Environment;
+use crate::particle::Particle;
+use crate::settings::{Integrator, SolverSettings, Substeps};
+use crate::spring::Spring;
+
+/// Gravity and viscosity.
+pub(super) fn draw_environment(mut ui: InMut<Ui>, mut environment: ResMut<Environment>) {
+    let mut edited = *environment;
+    row(&mut ui, "gravity", |ui| {
+        ui.checkbox(&mut edited.gravity_enabled, "").on_hover_text("key g");
+        ui.add_enabled_ui(edited.gravity_enabled, |ui| {
+            for value in [&mut edited.gravity.x, &mut edited.gravity.y, &mut edited.gravity.z] {
+                ui.add(DragValue::new(value).speed(0.05).range(-100.0..=100.0).max_decimals(2));
+            }
+            ui.label("m/s²");
+        });
+    });
+    row(&mut ui, "viscosity", |ui| {
+        ui.checkbox(&mut edited.viscosity_enabled, "acts").on_hover_text("key v");
+    });
+    ui.add_enabled_ui(edited.viscosity_enabled, |ui| {
+        parameter(
+            ui,
+            "   of the medium",
+            "N·s/m",
+            &mut edited.viscosity,
+            0.0..=10.0,
+            Scale::Logarithmic(1e-3),
+        );
+    });
+    environment.set_if_neq(edited);
+}
+
+/// Mass and radius of all particles; stiffness, damping and rest length of all springs.
+pub(super) fn draw_matter(
+    mut ui: InMut<Ui>,
+    mut particles: Query<&mut Particle>,
+    mut springs: Query<&mut Spring>,
+) {
+    if let Some(first) = particles.iter().next().copied() {
+        let uniform = particles.iter().all(|particle| *particle == first);
+        let mut edited = first;
+        parameter(&mut ui, "mass", "kg", &mut edited.mass, 0.001..=100.0, Scale::Logarithmic(1e-3));
+        parameter(&mut ui, "radius", "m", &mut edited.radius, 0.0..=0.5, Scale::Logarithmic(1e-2));
+        note_mixture(&mut ui, uniform, "particles differ: the first is shown");
+        for mut particle in &mut particles {
+            copy_if_edited(&mut particle, |particle| &mut particle.mass, first.mass, edited.mass);
+            copy_if_edited(&mut particle, |particle| &mut particle.radius, first.radius, edited.radius);
+        }
+    }
+    if let Some(first) = springs.iter().next().copied() {
+        let parameters = |spring: &Spring| (spring.rest_length, spring.stiffness, spring.damping);
+        let uniform = springs.iter().all(|spring| parameters(spring) == parameters(&first));
+        let mut edited = first;
+        parameter(&mut ui, "stiffness", "N/m", &mut edited.stiffness, 0.0..=1e6, Scale::Logarithmic(1.0));
+        parameter(&mut ui, "damping", "N·s/m", &mut edited.damping, 0.0..=1e3, Scale::Logarithmic(1e-2));
+        parameter(&mut ui, "rest length", "m", &mut edited.rest_length, 0.0..=2.0, Scale::Logarithmic(1e-2));
+        note_mixture(&mut ui, uniform, "springs differ: the first is shown");
+        for mut spring in &mut springs {
+            copy_if_edited(&mut spring, |spring| &mut spring.stiffness, first.stiffness, edited.stiffness);
+            copy_if_edited(&mut spring, |spring| &mut spring.damping, first.damping, edited.damping);
+            copy_if_edited(
+                &mut spring,
+                |spring| &mut spring.rest_length,
+                first.rest_length,
+                edited.rest_length,
+            );
+        }
+    }
+}
+
+fn note_mixture(ui: &mut Ui, uniform: bool, note: &str) {
+    if !uniform {
+        ui.label(egui::RichText::new(note).size(TEXT_SIZE).weak())
+            .on_hover_text("a change here applies to all");
+    }
+}
+
+/// Gives a field its edited value, and marks the component as changed only if there was an edit.
+fn copy_if_edited<C: Component<Mutability = bevy::ecs::component::Mutable>>(
+    component: &mut Mut<C>,
+    field: impl Fn(&mut C) -> &mut f32,
+    shown: f32,
+    edited: f32,
+) {
+    if shown != edited {
+        *field(component) = edited;
+    }
+}
+
+/// Scheme, substeps and time step.
+pub(super) fn draw_integration(
+    mut ui: InMut<Ui>,
+    mut settings: ResMut<SolverSettings>,
+    mut time: ResMut<Time<Fixed>>,
+) {
+    let mut edited = *settings;
+    row(&mut ui, "scheme", |ui| draw_scheme(ui, &mut edited.integrator));
+    row(&mut ui, "substeps", |ui| {
+        let mut automatic = edited.substeps == Substeps::Auto;
+        let mut count = if let Substeps::Fixed(count) = edited.substeps { count } else { 4 };
+        ui.checkbox(&mut automatic, "Auto");
+        ui.add_enabled(!automatic, egui::Slider::new(&mut count, 1..=200).logarithmic(true));
+        edited.substeps = if automatic { Substeps::Auto } else { Substeps::Fixed(count.max(1)) };
+    });
+    settings.set_if_neq(edited);
+
+    let shown = time.timestep().as_secs_f32() * 1e3;
+    let mut milliseconds = shown;
+    parameter(&mut ui, "time step", "ms", &mut milliseconds, 0.5..=50.0, Scale::Logarithmic(0.5));
+    if milliseconds != shown {
+        time.set_timestep(Duration::from_secs_f32((milliseconds * 1e-3).min(1.0)));
+    }
+}
+
+fn draw_scheme(ui: &mut Ui, integrator: &mut Integrator) {
+    egui::ComboBox::from_id_salt("scheme").selected_text(integrator.to_string()).width(170.0).show_ui(
+        ui,
+        |ui| {
+            for choice in Integrator::ALL {
+                let scheme = choice.scheme();
+                ui.add_enabled_ui(scheme.is_ok(), |ui| {
+                    let response = ui.selectable_value(integrator, choice, choice.to_string());
+                    if let Err(unavailable) = scheme {
+                        response.on_disabled_hover_text(unavailable.to_string());
+                    }
+                });
+            }
+        },
+    );
+}
+
+/// What collides with what, and how it rebounds.
+pub(super) fn draw_collisions(
+    mut ui: InMut<Ui>,
+    mut settings: ResMut<CollisionSettings>,
+    mut planes: Query<&mut PlaneCollider>,
+) {
+    let mut edited = *settings;
+    ui.checkbox(&mut edited.ground, "with planes (key c)");
+    if let Some(first) = planes.iter().next().copied() {
+        let mut plane = first;
+        ui.add_enabled_ui(edited.ground, |ui| {
+            parameter(ui, "restitution", "", &mut plane.restitution, 0.0..=1.0, Scale::Linear);
+            parameter(ui, "friction", "", &mut plane.friction, 0.0..=2.0, Scale::Linear);
+        });
+        for mut other in &mut planes {
+            copy_if_edited(&mut other, |plane| &mut plane.restitution, first.restitution, plane.restitution);
+            copy_if_edited(&mut other, |plane| &mut plane.friction, first.friction, plane.friction);
+        }
+    }
+    ui.checkbox(&mut edited.particles, "between particles (key c)");
+    ui.add_enabled_ui(edited.particles, |ui| {
+        ui.push_id("particles", |ui| {
+            parameter(ui, "restitution", "", &mut edited.restitution, 0.0..=1.0, Scale::Linear);
+            parameter(ui, "friction", "", &mut edited.friction, 0.0..=2.0, Scale::Linear);
+        });
+    });
+    settings.set_if_neq(edited);
+}
