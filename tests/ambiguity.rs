@@ -6,11 +6,8 @@ use bevy_mass_spring::prelude::*;
 
 /// Builds the schedule of an app with ambiguities as errors, without running it.
 fn check(app: &mut App, label: impl ScheduleLabel) -> Result<(), String> {
-    let mut schedule = app
-        .world_mut()
-        .resource_mut::<Schedules>()
-        .remove(label)
-        .expect("the schedule has systems");
+    let mut schedule =
+        app.world_mut().resource_mut::<Schedules>().remove(label).expect("the schedule has systems");
     schedule.set_build_settings(ScheduleBuildSettings {
         ambiguity_detection: LogLevel::Error,
         ..ScheduleBuildSettings::default()

@@ -5,9 +5,7 @@ mod common;
 use bevy::math::{Quat, Vec3, Vec3Swizzles};
 use bevy_mass_spring::solver::contacts::{Plane, Pose};
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
-use common::bodies::{
-    Ball, falling, floating, position, step_past_contact, velocity, with_ground, world,
-};
+use common::bodies::{Ball, falling, floating, position, step_past_contact, velocity, with_ground, world};
 
 /// The heights above the ground of the first `count` peaks of a ball dropped from 1 m.
 fn peaks(settings: &StepSettings, restitution: f32, count: usize) -> Vec<f32> {
@@ -101,11 +99,8 @@ fn two_balls_collide_centrally_as_the_closed_form_says() {
                     for restitution in [0.0, 0.3, 1.0] {
                         let settings = floating(scheme, restitution);
                         let (state, after) = collide(direction, masses, speeds, &settings);
-                        let expected = central_impact(
-                            masses.map(f64::from),
-                            speeds.map(f64::from),
-                            restitution.into(),
-                        );
+                        let expected =
+                            central_impact(masses.map(f64::from), speeds.map(f64::from), restitution.into());
                         for (found, expected) in after.into_iter().zip(expected) {
                             let difference = (f64::from(found) - expected).abs();
                             let case = format!("{scheme:?} {direction} {masses:?} {speeds:?} {restitution}");

@@ -54,11 +54,19 @@ fn viscosity_is_switched_off_and_on_without_losing_its_value() {
 fn collisions_are_switched_off_and_on_without_losing_their_values() {
     let mut app = app();
     change::<Environment>(&mut app, |environment| environment.gravity_enabled = false);
-    app.insert_resource(CollisionSettings { ground: false, particles: false, restitution: 1.0, friction: 0.0 });
+    app.insert_resource(CollisionSettings {
+        ground: false,
+        particles: false,
+        restitution: 1.0,
+        friction: 0.0,
+    });
     app.world_mut().spawn(PlaneCollider { restitution: 1.0, friction: 0.0 });
     let sinking = spawn(&mut app, 1.0, 0.25, Vec3::Y);
     app.world_mut().entity_mut(sinking).insert(ParticleVelocity(Vec3::NEG_Y));
-    let (left, right) = (spawn(&mut app, 1.0, 0.25, Vec3::new(4.0, 5.0, 0.0)), spawn(&mut app, 1.0, 0.25, Vec3::new(5.0, 5.0, 0.0)));
+    let (left, right) = (
+        spawn(&mut app, 1.0, 0.25, Vec3::new(4.0, 5.0, 0.0)),
+        spawn(&mut app, 1.0, 0.25, Vec3::new(5.0, 5.0, 0.0)),
+    );
     app.world_mut().entity_mut(left).insert(ParticleVelocity(Vec3::X));
     run(&mut app, 60);
     assert_eq!(velocity(&app, sinking), Vec3::NEG_Y, "it sinks through the ground");
@@ -68,7 +76,9 @@ fn collisions_are_switched_off_and_on_without_losing_their_values() {
     change::<CollisionSettings>(&mut app, |collisions| {
         (collisions.ground, collisions.particles) = (true, true);
     });
-    for (particle, place_at) in [(sinking, Vec3::Y), (left, Vec3::new(4.0, 5.0, 0.0)), (right, Vec3::new(5.0, 5.0, 0.0))] {
+    for (particle, place_at) in
+        [(sinking, Vec3::Y), (left, Vec3::new(4.0, 5.0, 0.0)), (right, Vec3::new(5.0, 5.0, 0.0))]
+    {
         place(&mut app, particle, place_at);
     }
     run(&mut app, 60);
@@ -256,7 +266,8 @@ fn who_was_despawned_stays_away_and_who_came_later_starts_anew() {
 #[test]
 fn measurements_are_those_of_the_last_tick() {
     let mut app = app_with((MassSpringPlugin::default(), MassSpringDiagnosticsPlugin));
-    let (left, right) = (spawn(&mut app, 2.0, 0.0, Vec3::Y * 3.0), spawn(&mut app, 1.0, 0.0, Vec3::new(1.0, 3.0, 0.0)));
+    let (left, right) =
+        (spawn(&mut app, 2.0, 0.0, Vec3::Y * 3.0), spawn(&mut app, 1.0, 0.0, Vec3::new(1.0, 3.0, 0.0)));
     join(&mut app, Spring::new(left, right, 0.5).with_stiffness(8.0).with_damping(0.0));
     run(&mut app, 7);
     let found = *app.world().resource::<Measurements>();
@@ -264,7 +275,10 @@ fn measurements_are_those_of_the_last_tick() {
     let positions = [left, right].map(|particle| position(&app, particle).as_dvec3());
     let length = positions[0].distance(positions[1]);
     let close = |found: f64, expected: f64| (found - expected).abs() <= 1e-9 * expected.abs();
-    assert!(close(found.kinetic_energy, velocities[0].length_squared() + 0.5 * velocities[1].length_squared()));
+    assert!(close(
+        found.kinetic_energy,
+        velocities[0].length_squared() + 0.5 * velocities[1].length_squared()
+    ));
     assert!(close(found.elastic_energy, 4.0 * (length - 0.5).powi(2)));
     let gravity = f64::from(9.81_f32);
     assert!(close(found.gravitational_energy, gravity * (2.0 * positions[0].y + positions[1].y)));
@@ -291,10 +305,9 @@ fn measurements_are_those_of_the_last_tick() {
 fn headless_apps_do_not_interpolate_unless_asked() {
     use bevy_transform_interpolation::prelude::{TransformInterpolationPlugin, TranslationInterpolation};
 
-    for (plugin, expected) in [
-        (MassSpringPlugin::default(), false),
-        (MassSpringPlugin::default().with_interpolation(true), true),
-    ] {
+    for (plugin, expected) in
+        [(MassSpringPlugin::default(), false), (MassSpringPlugin::default().with_interpolation(true), true)]
+    {
         let mut app = app_with(plugin);
         let particle = spawn(&mut app, 1.0, 0.1, Vec3::ZERO);
         assert_eq!(app.is_plugin_added::<TransformInterpolationPlugin>(), expected);

@@ -44,7 +44,8 @@ fn scene(app: &mut App, balls: u8, mut mark: impl FnMut(EntityWorldMut)) -> Vec<
     all.extend(spawn_rope(app, Vec3::new(-3.0, 1.0, 0.0), 12, 0.05, |spring| spring.with_stiffness(400.0)));
     for number in 0..balls {
         let number_f = f32::from(number);
-        let place = Vec3::new(0.07 * (number_f * 2.4).sin(), 0.3 + 0.2 * number_f, 0.07 * (number_f * 1.7).cos());
+        let place =
+            Vec3::new(0.07 * (number_f * 2.4).sin(), 0.3 + 0.2 * number_f, 0.07 * (number_f * 1.7).cos());
         let ball = spawn(app, 0.5 + 0.1 * f32::from(number % 4), 0.1, place);
         mark(app.world_mut().entity_mut(ball));
         all.push(ball);

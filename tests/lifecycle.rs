@@ -46,8 +46,7 @@ fn a_particle_falls_from_the_tick_after_it_was_spawned() {
 #[test]
 fn particles_spawned_before_the_plugin_take_part() {
     let mut app = App::new();
-    app.add_plugins(MinimalPlugins)
-        .insert_resource(bevy::time::TimeUpdateStrategy::FixedTimesteps(1));
+    app.add_plugins(MinimalPlugins).insert_resource(bevy::time::TimeUpdateStrategy::FixedTimesteps(1));
     let early = spawn(&mut app, 1.0, 0.1, Vec3::Y * 5.0);
     app.add_plugins(MassSpringPlugin::default());
     app.finish();

@@ -53,7 +53,10 @@ fn a_free_net_keeps_its_momentum() {
     for index in 0..16_usize {
         for next in [index + 1, index + 4, index + 5].into_iter().filter(|next| *next < 16) {
             if (index % 4).abs_diff(next % 4) <= 1 {
-                join(&mut app, Spring::new(net[index], net[next], 0.5).with_stiffness(60.0).with_damping(0.05));
+                join(
+                    &mut app,
+                    Spring::new(net[index], net[next], 0.5).with_stiffness(60.0).with_damping(0.05),
+                );
             }
         }
     }
@@ -110,7 +113,12 @@ fn what_lies_in_a_plane_stays_in_it() {
     app.world_mut().spawn(PlaneCollider { restitution: 0.5, friction: 0.5 });
     let mut all = spawn_rope(&mut app, Vec3::new(-0.3, 0.6, 0.0), 10, 0.1, |spring| spring);
     for number in 0..5_u8 {
-        all.push(spawn(&mut app, 1.0, 0.1, Vec3::new(0.05 * f32::from(number), 1.0 + f32::from(number), 0.0)));
+        all.push(spawn(
+            &mut app,
+            1.0,
+            0.1,
+            Vec3::new(0.05 * f32::from(number), 1.0 + f32::from(number), 0.0),
+        ));
     }
     run(&mut app, 300);
     for particle in all {

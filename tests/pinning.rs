@@ -70,8 +70,7 @@ fn an_anchor_on_a_turning_and_growing_parent_is_where_geometry_says() {
     let mut app = plain_app();
     let transform = Transform::from_xyz(1.0, 2.0, 3.0);
     let parent = app.world_mut().spawn(transform).id();
-    let anchor =
-        (Particle::new(1.0, 0.0), Pinned, Transform::from_xyz(0.0, 0.0, -2.0), ChildOf(parent));
+    let anchor = (Particle::new(1.0, 0.0), Pinned, Transform::from_xyz(0.0, 0.0, -2.0), ChildOf(parent));
     let anchor = app.world_mut().spawn(anchor).id();
     run(&mut app, 1);
     *app.world_mut().get_mut::<Transform>(parent).unwrap() =
@@ -93,7 +92,9 @@ fn rope_under(parent: Option<Transform>, ticks: u32) -> Vec<Vec<Vec3>> {
         let parent = app.world_mut().spawn(transform).id();
         for particle in &rope {
             let local = frame.inverse().transform_point3(position(&app, *particle));
-            app.world_mut().entity_mut(*particle).insert((Transform::from_translation(local), ChildOf(parent)));
+            app.world_mut()
+                .entity_mut(*particle)
+                .insert((Transform::from_translation(local), ChildOf(parent)));
         }
     }
     let mut history = Vec::new();
@@ -146,7 +147,8 @@ fn nested_particles_are_independent() {
     let outer = (Particle::new(1.0, 0.0), ParticleVelocity(Vec3::X), Transform::from_xyz(1.0, 0.0, 0.0));
     let outer = app.world_mut().spawn(outer).id();
     let nest = |app: &mut App, parent, velocity, local| {
-        let particle = (Particle::new(1.0, 0.0), ParticleVelocity(velocity), Transform::from_translation(local));
+        let particle =
+            (Particle::new(1.0, 0.0), ParticleVelocity(velocity), Transform::from_translation(local));
         app.world_mut().spawn((particle, ChildOf(parent))).id()
     };
     let middle = nest(&mut app, outer, Vec3::Y, Vec3::Y);

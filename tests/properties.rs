@@ -197,7 +197,8 @@ fn spawn_net(app: &mut App, net: &Net, pins: u16, markers: u16) -> Vec<Entity> {
     app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, -0.5, 0.0)));
     let mut all = Vec::new();
     for (slot, (position, velocity, mass)) in net.particles.iter().enumerate() {
-        let particle = (Particle::new(*mass, 0.1), ParticleVelocity(*velocity), Transform::from_translation(*position));
+        let particle =
+            (Particle::new(*mass, 0.1), ParticleVelocity(*velocity), Transform::from_translation(*position));
         let mut entity = app.world_mut().spawn(particle);
         if pins >> slot & 1 == 1 {
             entity.insert(Pinned);

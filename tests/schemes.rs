@@ -196,12 +196,8 @@ fn one_taylor_step_of_any_length_is_as_exact_as_a_float() {
     for milliseconds in [1_u16, 7, 16, 100, 333, 1000, 2500] {
         let time_step = f32::from(milliseconds) / 1000.0;
         let gravity = Vec3::new(0.0, -9.81, 0.0);
-        let settings = StepSettings {
-            scheme: Scheme::SecondOrderTaylor,
-            time_step,
-            gravity,
-            ..StepSettings::default()
-        };
+        let settings =
+            StepSettings { scheme: Scheme::SecondOrderTaylor, time_step, gravity, ..StepSettings::default() };
         let mut state = SolverState::default();
         state.particles.push(Vec3::Y * 50.0, Vec3::Y * 3.0, 1.0, 0.0);
         step(&mut state, &settings);

@@ -156,7 +156,8 @@ fn a_bad_spring_is_named_once_skipped_and_let_back_in_when_mended() {
     ] {
         let mut app = app();
         let chain = bystanders(&mut app);
-        let (first, second) = (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X * 2.0));
+        let (first, second) =
+            (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X * 2.0));
         let good = Spring::new(first, second, 1.0);
         let spring = join(&mut app, good);
         run(&mut app, 5);
