@@ -150,7 +150,8 @@ impl Candidates {
                 return f32::INFINITY;
             }
             let travel = particles.velocity.get(slot).length() * time_step;
-            travel.clamp(THIN_SKIN * radius, THICK_SKIN * radius)
+            // Not clamp, which would let NaN through.
+            travel.max(THIN_SKIN * radius).min(THICK_SKIN * radius)
         }));
 
         let Self { grid, found, skins, .. } = self;

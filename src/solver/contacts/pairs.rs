@@ -95,7 +95,7 @@ pub(super) fn find(
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
-        let resting = target_velocity == 0.0 && approach.velocity.abs() <= 2.0 * rebound.resting_speed;
+        let resting = target_velocity == 0.0 && approach.velocity.abs() < 2.0 * rebound.resting_speed;
         if distance > reach && !resting {
             return None;
         }
