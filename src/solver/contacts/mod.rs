@@ -148,7 +148,7 @@ impl Contacts {
         let rules = settings.pair_rules.unwrap_or_default();
         self.find_support(settings.gravity);
         let gravity = settings.gravity.length();
-        self.solve_velocities(rules, gravity, substep);
+        self.solve_velocities(rules, gravity * substep, settings.scheme.displacement_share() * substep);
         self.hold_jammed(gravity * substep);
         self.solve_positions(rules, substep);
         pairs::remember(&self.pair_contacts, &mut self.candidates);
@@ -201,16 +201,16 @@ impl Contacts {
         pairs::propagate_support(&mut self.pair_contacts, up, &mut self.supported);
     }
 
-    fn solve_velocities(&mut self, rules: PairRules, gravity: f32, substep: f32) {
+    fn solve_velocities(&mut self, rules: PairRules, resting_speed: f32, reach: f32) {
         if !self.pair_contacts.is_empty() {
-            let tolerance = SETTLED_ERROR * gravity * substep;
-            pairs::warm_start(&mut self.pair_contacts, &mut self.bodies, substep);
+            let tolerance = SETTLED_ERROR * resting_speed;
+            pairs::warm_start(&mut self.pair_contacts, &mut self.bodies, reach);
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
                 self.solve_plane_velocities();
                 let Self { pair_contacts, bodies, .. } = self;
-                if !pairs::solve_velocities(pair_contacts, rules, bodies, substep, tolerance) {
+                if !pairs::solve_velocities(pair_contacts, rules, bodies, reach, tolerance) {
                     break;
                 }
             }

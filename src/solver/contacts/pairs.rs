@@ -52,15 +52,19 @@ impl PairContact {
         bodies[self.first].velocity - bodies[self.second].velocity
     }
 
+    /// Gives both their impulse. If the pair rests, the impulse also takes back what the load displaced
+    /// in this substep: velocity · `reach`, s (see [`Scheme::displacement_share`]).
+    ///
+    /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
     #[inline(always)]
-    fn apply(&self, impulse: Vec3, bodies: &mut [Body], substep: f32) {
+    fn apply(&self, impulse: Vec3, bodies: &mut [Body], reach: f32) {
         let first_change = impulse * bodies[self.first].inverse_mass;
         let second_change = impulse * -bodies[self.second].inverse_mass;
         bodies[self.first].velocity += first_change;
         bodies[self.second].velocity += second_change;
         if self.resting {
-            bodies[self.first].position += first_change * substep;
-            bodies[self.second].position += second_change * substep;
+            bodies[self.first].position += first_change * reach;
+            bodies[self.second].position += second_change * reach;
         }
     }
 }
@@ -117,12 +121,12 @@ pub(super) fn find(
 }
 
 /// Applies the impulses of the last substep.
-pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], substep: f32) {
+pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], reach: f32) {
     for contact in contacts {
         // The normal has turned a little since: keep what is tangential to it now.
         contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
         let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        contact.apply(impulse, bodies, substep);
+        contact.apply(impulse, bodies, reach);
     }
 }
 
@@ -132,7 +136,7 @@ pub(super) fn solve_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
     bodies: &mut [Body],
-    substep: f32,
+    reach: f32,
     tolerance: f32,
 ) -> bool {
     let mut corrected = false;
@@ -155,7 +159,7 @@ pub(super) fn solve_velocities(
             change += contact.impulses.friction - old.friction;
         }
         corrected = true;
-        contact.apply(change, bodies, substep);
+        contact.apply(change, bodies, reach);
     }
     corrected
 }
