@@ -25,7 +25,7 @@ use plane::{PlaneContact, Surface};
 use response::Rebound;
 
 /// Most rounds over the velocities of all contacts in each substep.
-const VELOCITY_ROUNDS: usize = 4;
+const VELOCITY_ROUNDS: usize = 3;
 
 /// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a
 /// substep: a settled pile then needs one look and no work.
