@@ -64,7 +64,18 @@ impl MassSpringPlugin {
         if !app.is_plugin_added::<TransformInterpolationPlugin>() {
             app.add_plugins(TransformInterpolationPlugin::default());
         }
-        app.register_required_components::<Particle, TranslationInterpolation>();
+        if app.try_register_required_components::<Particle, TranslationInterpolation>().is_ok() {
+            return;
+        }
+        // There are particles already: what is required of them cannot be changed any more.
+        let world = app.world_mut();
+        let existing: Vec<Entity> = world.query_filtered::<Entity, With<Particle>>().iter(world).collect();
+        for particle in existing {
+            world.entity_mut(particle).insert(TranslationInterpolation);
+        }
+        app.add_observer(|added: On<Add, Particle>, mut commands: Commands| {
+            commands.entity(added.entity).try_insert(TranslationInterpolation);
+        });
     }
 }
 

@@ -1,6 +1,6 @@
 //! Picks particles with the pointer and drags them.
 //!
-//! [`picking`] is a backend of Bevy's picking that needs no meshes; [`grip`] follows the pointer. This
+//! `picking` is a backend of Bevy's picking that needs no meshes; `grip` follows the pointer. This
 //! room owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves particles as any game
 //! could, pinned ones by their `Transform` and free ones by their `AppliedForce`, and knows nothing of
 //! the solver.

@@ -1,8 +1,8 @@
 //! An egui panel with every parameter of the simulation, live, and plots of what it does.
 //!
 //! This folder is the only place that names egui. It reads and writes components, settings and
-//! resources as any game could: [`parameters`] holds the widgets, [`history`] what the plots
-//! show, [`plots`] the plots. An app adds sections of its own with [`AppPanelSection`].
+//! resources as any game could: `parameters` holds the widgets, `history` what the plots
+//! show, `plots` the plots. An app adds sections of its own with [`AppPanelSection`].
 
 mod history;
 mod parameters;

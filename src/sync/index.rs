@@ -77,17 +77,31 @@ pub(super) fn enroll<T: Enrolled>(
     added: On<Add, T>,
     mut index: ResMut<Index>,
     mut slots: Query<&mut Slot<T>>,
+    mut commands: Commands,
 ) {
+    index.changed = true;
     if let Ok(mut slot) = slots.get_mut(added.entity) {
         T::roster(&mut index).enroll(added.entity, &mut slot);
-        index.changed = true;
+        return;
     }
+    // The slot comes with the component, unless there were such entities before the plugin: what is
+    // required of a component cannot be changed then.
+    let mut slot = Slot::<T>::default();
+    T::roster(&mut index).enroll(added.entity, &mut slot);
+    commands.entity(added.entity).try_insert(slot);
 }
 
-/// Takes note that an entity lost the component.
-pub(super) fn leave<T: Enrolled>(removed: On<Remove, T>, mut index: ResMut<Index>) {
+/// Takes note that an entity lost the component: its slot is no longer its own.
+pub(super) fn leave<T: Enrolled>(
+    removed: On<Remove, T>,
+    mut index: ResMut<Index>,
+    mut slots: Query<&mut Slot<T>>,
+) {
     index.changed = true;
     index.warnings.remove(&removed.entity);
+    if let Ok(mut slot) = slots.get_mut(removed.entity) {
+        slot.set(None);
+    }
 }
 
 /// Takes note that a particle was taken out of the simulation, or let in again.

@@ -48,9 +48,10 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.init_resource::<Simulation>()
         .init_resource::<index::Index>()
         .init_resource::<gather::Gathered>()
-        .init_resource::<gather::GatheredPlanes>()
-        .register_required_components::<Particle, Slot<Particle>>()
-        .register_required_components::<Spring, Slot<Spring>>();
+        .init_resource::<gather::GatheredPlanes>();
+    // Refused where such entities exist already; then the observers below see to it.
+    let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
+    let _ = app.try_register_required_components::<Spring, Slot<Spring>>();
     index::enroll_existing(app.world_mut());
     app.add_observer(index::enroll::<Particle>)
         .add_observer(index::leave::<Particle>)

@@ -150,7 +150,8 @@ impl Candidates {
                 return f32::INFINITY;
             }
             let travel = particles.velocity.get(slot).length() * time_step;
-            travel.clamp(THIN_SKIN * radius, THICK_SKIN * radius)
+            // Not clamp, which would let NaN through.
+            travel.max(THIN_SKIN * radius).min(THICK_SKIN * radius)
         }));
 
         let Self { grid, found, skins, .. } = self;
@@ -196,6 +197,10 @@ impl Candidates {
 
     /// Lists the pairs by the height of their lower particle: linear but for the sorting of particles.
     fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
+        self.bottom_up.clear();
+        if self.others.is_empty() {
+            return;
+        }
         let Heights { order, rank, starts } = &mut self.heights;
         let height = |slot: u32| particles.position.get(slot as usize).dot(up);
         if order.len() != particles.len() {
@@ -224,7 +229,6 @@ impl Candidates {
             total += *start;
             *start = total;
         }
-        self.bottom_up.clear();
         self.bottom_up.resize(self.others.len(), (0, 0, 0));
         for (a, b, pair) in pairs() {
             let (rank_a, rank_b) = (rank[a as usize], rank[b as usize]);

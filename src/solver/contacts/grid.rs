@@ -35,22 +35,9 @@ pub(super) struct Grid {
     mask: u32,
 }
 
-/// The neighbours of a cell that come after it in some order, so that each pair of cells is seen once.
-const HALF_NEIGHBORS: [IVec3; 13] = [
-    IVec3::new(1, -1, -1),
-    IVec3::new(1, -1, 0),
-    IVec3::new(1, -1, 1),
-    IVec3::new(1, 0, -1),
-    IVec3::new(1, 0, 0),
-    IVec3::new(1, 0, 1),
-    IVec3::new(1, 1, -1),
-    IVec3::new(1, 1, 0),
-    IVec3::new(1, 1, 1),
-    IVec3::new(0, 1, -1),
-    IVec3::new(0, 1, 0),
-    IVec3::new(0, 1, 1),
-    IVec3::new(0, 0, 1),
-];
+/// The rows of cells (y, z) beside a cell's own that come after it in some order, so that each pair of
+/// cells is seen once.
+const LATER_ROWS: [(i32, i32); 4] = [(1, -1), (1, 0), (1, 1), (0, 1)];
 
 impl Grid {
     /// Calls `found(a, b)` once for each pair of overlapping spheres, in no particular but always the
@@ -64,17 +51,19 @@ impl Grid {
         let present: Vec<u32> =
             (0..CLASSES as u32).filter(|class| self.cell_sizes[*class as usize] > 0.0).collect();
         for (index, entry) in self.entries.iter().enumerate() {
+            let cell = entry.cell;
             for other in &self.entries[index + 1..self.bucket_end(entry)] {
-                self.test(entry, entry.class, entry.cell, other, &mut found);
+                test(entry, entry.class, cell, 1, other, &mut found);
             }
-            for offset in HALF_NEIGHBORS {
-                self.visit(entry, entry.class, add(entry.cell, offset), &mut found);
+            self.visit(entry, entry.class, cell.wrapping_add(IVec3::X), 1, &mut found);
+            for (y, z) in LATER_ROWS {
+                self.visit(entry, entry.class, cell.wrapping_add(IVec3::new(-1, y, z)), 3, &mut found);
             }
             for &class in present.iter().filter(|class| **class > entry.class) {
                 let center = cell_of(entry.center, self.cell_sizes[class as usize]);
-                for neighbor in 0..27 {
-                    let offset = IVec3::new(neighbor % 3, neighbor / 3 % 3, neighbor / 9) - IVec3::ONE;
-                    self.visit(entry, class, add(center, offset), &mut found);
+                for row in 0..9 {
+                    let offset = IVec3::new(-1, row % 3 - 1, row / 3 - 1);
+                    self.visit(entry, class, center.wrapping_add(offset), 3, &mut found);
                 }
             }
         }
@@ -92,7 +81,8 @@ impl Grid {
             *size = size.max(2.0 * reach);
             self.unsorted.push(Entry { cell: IVec3::ZERO, class, slot, center, reach });
         }
-        let buckets = (2 * self.unsorted.len()).next_power_of_two();
+        // At least four, so that three in a row are three different ones.
+        let buckets = (2 * self.unsorted.len()).next_power_of_two().max(4);
         self.mask = buckets as u32 - 1;
         self.bucket_starts.clear();
         self.bucket_starts.resize(buckets + 1, 0);
@@ -119,25 +109,34 @@ impl Grid {
         self.bucket_starts[bucket(entry.class, entry.cell, self.mask) + 1] as usize
     }
 
-    /// Tests `entry` against all spheres of a cell.
-    fn visit(&self, entry: &Entry, class: u32, cell: IVec3, found: &mut impl FnMut(u32, u32)) {
-        let bucket = bucket(class, cell, self.mask);
-        let (start, end) = (self.bucket_starts[bucket] as usize, self.bucket_starts[bucket + 1] as usize);
-        for other in &self.entries[start..end] {
-            self.test(entry, class, cell, other, found);
+    /// Tests `entry` against all spheres of `count` cells in a row along x, which lie in buckets in a
+    /// row too.
+    fn visit(&self, entry: &Entry, class: u32, cell: IVec3, count: u32, found: &mut impl FnMut(u32, u32)) {
+        let first = bucket(class, cell, self.mask);
+        let end = first + count as usize;
+        let buckets = self.bucket_starts.len() - 1;
+        let (end, wrapped) = if end <= buckets { (end, 0) } else { (buckets, end - buckets) };
+        for range in [first..end, 0..wrapped] {
+            let entries = self.bucket_starts[range.start] as usize..self.bucket_starts[range.end] as usize;
+            for other in &self.entries[entries] {
+                test(entry, class, cell, count, other, found);
+            }
         }
     }
+}
 
-    /// Reports the pair if `other` lies in the cell that was meant (buckets may be shared) and overlaps.
-    #[inline]
-    fn test(&self, entry: &Entry, class: u32, cell: IVec3, other: &Entry, found: &mut impl FnMut(u32, u32)) {
-        let reach = entry.reach + other.reach;
-        if other.cell == cell
-            && other.class == class
-            && entry.center.distance_squared(other.center) <= reach * reach
-        {
-            found(entry.slot, other.slot);
-        }
+/// Reports the pair if `other` overlaps and lies in one of the cells that were meant: a bucket may
+/// serve several.
+#[inline]
+fn test(entry: &Entry, class: u32, cell: IVec3, count: u32, other: &Entry, found: &mut impl FnMut(u32, u32)) {
+    let reach = entry.reach + other.reach;
+    if entry.center.distance_squared(other.center) <= reach * reach
+        && other.class == class
+        && other.cell.y == cell.y
+        && other.cell.z == cell.z
+        && (other.cell.x.wrapping_sub(cell.x) as u32) < count
+    {
+        found(entry.slot, other.slot);
     }
 }
 
@@ -146,18 +145,14 @@ fn cell_of(point: Vec3, size: f32) -> IVec3 {
     (point / size).floor().as_ivec3()
 }
 
-fn add(cell: IVec3, offset: IVec3) -> IVec3 {
-    cell.wrapping_add(offset)
-}
-
-/// The bucket of a cell: a multiplicative hash of its coordinates (Teschner et al. 2003).
+/// The bucket of a cell: a multiplicative hash of its row (Teschner et al. 2003), and from there along
+/// x, so that the cells of a row lie side by side.
 #[inline]
 fn bucket(class: u32, cell: IVec3, mask: u32) -> usize {
-    let mixed = (cell.x as u32).wrapping_mul(73_856_093)
-        ^ (cell.y as u32).wrapping_mul(19_349_663)
+    let row = (cell.y as u32).wrapping_mul(19_349_663)
         ^ (cell.z as u32).wrapping_mul(83_492_791)
         ^ class.wrapping_mul(2_654_435_761);
-    ((mixed ^ (mixed >> 15)) & mask) as usize
+    ((row ^ (row >> 15)).wrapping_add(cell.x as u32) & mask) as usize
 }
 
 #[cfg(test)]

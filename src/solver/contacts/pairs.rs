@@ -29,6 +29,8 @@ pub(super) struct PairContact {
     /// From the second to the first.
     pub normal: Vec3,
     target_velocity: f32,
+    /// 1 / (1/m1 + 1/m2), kg.
+    reduced_mass: f32,
     pub impulses: Memory,
     /// Whether the pair rests: its impulses are a load, and displace it as any force does.
     resting: bool,
@@ -39,23 +41,30 @@ pub(super) struct PairContact {
 impl PairContact {
     /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
     /// a particle that is lifted past the centre of the next one is still below it.
+    #[inline]
     fn depth(&self, bodies: &[Body]) -> f32 {
         let (first, second) = (&bodies[self.first], &bodies[self.second]);
         first.radius + second.radius - (first.position - second.position).dot(self.normal)
     }
 
+    #[inline]
     fn relative_velocity(&self, bodies: &[Body]) -> Vec3 {
         bodies[self.first].velocity - bodies[self.second].velocity
     }
 
-    fn apply(&self, impulse: Vec3, bodies: &mut [Body], substep: f32) {
+    /// Gives both their impulse. If the pair rests, the impulse also takes back what the load displaced
+    /// in this substep: velocity · `reach`, s (see [`Scheme::displacement_share`]).
+    ///
+    /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
+    #[inline(always)]
+    fn apply(&self, impulse: Vec3, bodies: &mut [Body], reach: f32) {
         let first_change = impulse * bodies[self.first].inverse_mass;
         let second_change = impulse * -bodies[self.second].inverse_mass;
         bodies[self.first].velocity += first_change;
         bodies[self.second].velocity += second_change;
         if self.resting {
-            bodies[self.first].position += first_change * substep;
-            bodies[self.second].position += second_change * substep;
+            bodies[self.first].position += first_change * reach;
+            bodies[self.second].position += second_change * reach;
         }
     }
 }
@@ -90,12 +99,21 @@ pub(super) fn find(
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
-        let resting = target_velocity == 0.0 && approach.velocity.abs() <= 2.0 * rebound.resting_speed;
+        let resting = target_velocity == 0.0 && approach.velocity.abs() < 2.0 * rebound.resting_speed;
         if distance > reach && !resting {
             return None;
         }
-        let impulses = candidates.memory(pair);
-        Some(PairContact { first, second, pair, normal, target_velocity, impulses, resting, supports: false })
+        Some(PairContact {
+            first,
+            second,
+            pair,
+            normal,
+            target_velocity,
+            reduced_mass: 1.0 / (upper.inverse_mass + lower.inverse_mass),
+            impulses: candidates.memory(pair),
+            resting,
+            supports: false,
+        })
     });
     found.clear();
     found.extend(touching);
@@ -103,22 +121,25 @@ pub(super) fn find(
 }
 
 /// Applies the impulses of the last substep.
-pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], substep: f32) {
+pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], reach: f32) {
     for contact in contacts {
         // The normal has turned a little since: keep what is tangential to it now.
         contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
         let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        contact.apply(impulse, bodies, substep);
+        contact.apply(impulse, bodies, reach);
     }
 }
 
-/// One round over all contacts.
+/// One round over all contacts. Velocities along resting contacts are left alone up to `tolerance`, m/s.
+/// Returns whether any had to be corrected.
 pub(super) fn solve_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
     bodies: &mut [Body],
-    substep: f32,
-) {
+    reach: f32,
+    tolerance: f32,
+) -> bool {
+    let mut corrected = false;
     for contact in contacts {
         let relative = contact.relative_velocity(bodies);
         let old = contact.impulses;
@@ -126,22 +147,29 @@ pub(super) fn solve_velocities(
         if missing <= 0.0 && old.normal == 0.0 {
             continue;
         }
-        let inverse_mass = bodies[contact.first].inverse_mass + bodies[contact.second].inverse_mass;
-        contact.impulses.normal = (old.normal + missing / inverse_mass).max(0.0);
+        if contact.resting && relative.length_squared() < tolerance * tolerance {
+            continue;
+        }
+        contact.impulses.normal = (old.normal + missing * contact.reduced_mass).max(0.0);
         let mut change = contact.normal * (contact.impulses.normal - old.normal);
         if rules.friction > 0.0 {
-            let sticking = old.friction - tangential(relative, contact.normal) / inverse_mass;
+            let sticking = old.friction - tangential(relative, contact.normal) * contact.reduced_mass;
             let limit = rules.friction * contact.impulses.normal;
             contact.impulses.friction = sticking.clamp_length_max(limit);
             change += contact.impulses.friction - old.friction;
         }
-        contact.apply(change, bodies, substep);
+        corrected = true;
+        contact.apply(change, bodies, reach);
     }
+    corrected
 }
 
 /// The part of its overlap that a resting pair is separated by in each round. A pile is lifted gently:
 /// each pair shares its particles with others, which would be hit by the whole correction.
 const RESTING_CORRECTION: f32 = 0.5;
+
+/// The overlap that a resting pair may keep, as a part of its reach.
+const RESTING_OVERLAP: f32 = 0.001;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
 /// where they stuck. `previous` are the positions at the start of the substep.
@@ -153,18 +181,23 @@ pub(super) fn solve_positions(
 ) {
     for contact in contacts {
         let depth = contact.depth(bodies);
-        if depth <= 0.0 {
+        let (first, second) = (contact.first, contact.second);
+        let (most, part) = if contact.resting {
+            (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
+        } else {
+            (0.0, 1.0)
+        };
+        if depth <= most {
             continue;
         }
-        let depth = if contact.resting { RESTING_CORRECTION * depth } else { depth };
-        let (first, second) = (contact.first, contact.second);
+        let depth = part * (depth - most);
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
             let moved = |slot: usize| bodies[slot].position - previous.get(slot);
             let slip = tangential(moved(first) - moved(second), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
-        let correction = correction / (bodies[first].inverse_mass + bodies[second].inverse_mass);
+        let correction = correction * contact.reduced_mass;
         let first_correction = correction * bodies[first].inverse_mass;
         let second_correction = correction * -bodies[second].inverse_mass;
         bodies[first].position += first_correction;

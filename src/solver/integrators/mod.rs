@@ -51,6 +51,12 @@ impl Scheme {
             Self::SecondOrderTaylor | Self::VelocityVerlet | Self::RungeKutta4 => 0.0,
         }
     }
+
+    /// How far a change of the velocity by a force displaces the particle in the same substep, in
+    /// substeps: the share of h² a that a constant acceleration adds to the position.
+    pub fn displacement_share(self) -> f32 {
+        0.5 + self.velocity_lag()
+    }
 }
 
 /// Intermediate arrays of the schemes with several stages, kept between ticks.

@@ -1,0 +1,83 @@
+//! No two systems of the plugin fight over data without an order between them.
+
+use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
+use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
+
+/// Builds the schedule of an app with ambiguities as errors, without running it.
+fn check(app: &mut App, label: impl ScheduleLabel) -> Result<(), String> {
+    let mut schedule =
+        app.world_mut().resource_mut::<Schedules>().remove(label).expect("the schedule has systems");
+    schedule.set_build_settings(ScheduleBuildSettings {
+        ambiguity_detection: LogLevel::Error,
+        ..ScheduleBuildSettings::default()
+    });
+    let built = schedule.initialize(app.world_mut());
+    built.map(|_| ()).map_err(|error| error.to_string(schedule.graph(), app.world()))
+}
+
+fn app() -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        MinimalPlugins,
+        TransformPlugin,
+        MassSpringPlugin::default().with_interpolation(false),
+        MassSpringDiagnosticsPlugin,
+    ))
+    .add_message::<Contact>();
+    app
+}
+
+#[track_caller]
+fn assert_unambiguous(app: &mut App, label: impl ScheduleLabel + Clone) {
+    let name = format!("{label:?}");
+    if let Err(error) = check(app, label) {
+        panic!("{name}: {error}");
+    }
+}
+
+#[test]
+fn the_schedules_of_the_plugin_are_unambiguous() {
+    let mut app = app();
+    assert_unambiguous(&mut app, FixedPostUpdate);
+    assert_unambiguous(&mut app, FixedLast);
+    assert_unambiguous(&mut app, RunFixedMainLoop);
+}
+
+#[test]
+fn another_schedule_is_unambiguous_too() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, MassSpringPlugin::new(FixedUpdate)));
+    assert_unambiguous(&mut app, FixedUpdate);
+}
+
+#[cfg(feature = "interpolation")]
+#[test]
+fn interpolation_adds_no_ambiguity() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, MassSpringPlugin::default().with_interpolation(true)));
+    assert_unambiguous(&mut app, FixedPostUpdate);
+    assert_unambiguous(&mut app, RunFixedMainLoop);
+}
+
+/// The check sees what it should: a system of the game that writes forces beside the plugin's, unordered.
+#[test]
+fn an_unordered_system_is_found() {
+    let mut app = app();
+    app.add_systems(FixedPostUpdate, |mut forces: Query<&mut AppliedForce>| {
+        forces.iter_mut().for_each(|mut force| force.0 = Vec3::Y);
+    });
+    assert!(check(&mut app, FixedPostUpdate).is_err());
+}
+
+/// Ordered by the plugin's sets it is none.
+#[test]
+fn an_ordered_system_is_fine() {
+    let mut app = app();
+    app.add_systems(
+        FixedPostUpdate,
+        (|mut forces: Query<&mut AppliedForce>| forces.iter_mut().for_each(|mut force| force.0 = Vec3::Y))
+            .before(MassSpringSystems::Gather),
+    );
+    assert_unambiguous(&mut app, FixedPostUpdate);
+}

@@ -1,0 +1,121 @@
+//! The physics once more, in f64 and as the textbook writes it: what the solver is compared with.
+//!
+//! It shares no code with the crate. Every scheme is its recurrence, line by line; a particle with a
+//! prescribed velocity is one whose acceleration is zero.
+
+use bevy::math::DVec3;
+use bevy_mass_spring::solver::{Scheme, SolverState};
+
+/// A damped spring between two particles.
+#[derive(Debug, Clone, Copy)]
+pub struct ReferenceSpring {
+    pub ends: [usize; 2],
+    pub rest_length: f64,
+    pub stiffness: f64,
+    pub damping: f64,
+}
+
+/// Particles and springs in f64.
+#[derive(Debug, Clone, Default)]
+pub struct Reference {
+    pub position: Vec<DVec3>,
+    pub velocity: Vec<DVec3>,
+    /// 0 for a pinned particle.
+    pub inverse_mass: Vec<f64>,
+    pub force: Vec<DVec3>,
+    pub springs: Vec<ReferenceSpring>,
+    pub gravity: DVec3,
+    pub viscosity: f64,
+}
+
+impl Reference {
+    /// The solver's state as it is now, without gravity and viscosity.
+    pub fn of(state: &SolverState) -> Self {
+        let (particles, springs) = (&state.particles, &state.springs);
+        let slots = 0..particles.len();
+        Self {
+            position: slots.clone().map(|slot| particles.position.get(slot).as_dvec3()).collect(),
+            velocity: slots.clone().map(|slot| particles.velocity.get(slot).as_dvec3()).collect(),
+            force: slots.map(|slot| particles.applied_force.get(slot).as_dvec3()).collect(),
+            inverse_mass: particles.inverse_mass.iter().map(|inverse| f64::from(*inverse)).collect(),
+            springs: (0..springs.len())
+                .map(|spring| ReferenceSpring {
+                    ends: springs.ends(spring).into(),
+                    rest_length: springs.rest_length[spring].into(),
+                    stiffness: springs.stiffness[spring].into(),
+                    damping: springs.damping[spring].into(),
+                })
+                .collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Accelerations at positions `x` and velocities `v`: lab.md, section 2.
+    pub fn acceleration(&self, x: &[DVec3], v: &[DVec3]) -> Vec<DVec3> {
+        let mut force = self.force.clone();
+        for (force, velocity) in force.iter_mut().zip(v) {
+            *force -= self.viscosity * *velocity;
+        }
+        for spring in &self.springs {
+            let [i, j] = spring.ends;
+            let separation = x[i] - x[j];
+            if separation == DVec3::ZERO {
+                continue;
+            }
+            let direction = separation.normalize();
+            let pull = spring.stiffness * (separation.length() - spring.rest_length)
+                + spring.damping * (v[i] - v[j]).dot(direction);
+            force[i] -= pull * direction;
+            force[j] += pull * direction;
+        }
+        let newton = |(force, inverse): (&DVec3, &f64)| match *inverse {
+            0.0 => DVec3::ZERO,
+            inverse => *force * inverse + self.gravity,
+        };
+        force.iter().zip(&self.inverse_mass).map(newton).collect()
+    }
+
+    /// One step of `h` seconds.
+    pub fn step(&mut self, scheme: Scheme, h: f64) {
+        let (x, v) = (self.position.clone(), self.velocity.clone());
+        let a = self.acceleration(&x, &v);
+        match scheme {
+            Scheme::ExplicitEuler => {
+                self.position = sum(&x, h, &v);
+                self.velocity = sum(&v, h, &a);
+            }
+            Scheme::SemiImplicitEuler => {
+                self.velocity = sum(&v, h, &a);
+                self.position = sum(&x, h, &self.velocity);
+            }
+            Scheme::SecondOrderTaylor => {
+                self.position = sum(&sum(&x, h, &v), h * h / 2.0, &a);
+                self.velocity = sum(&v, h, &a);
+            }
+            Scheme::VelocityVerlet => {
+                self.position = sum(&sum(&x, h, &v), h * h / 2.0, &a);
+                let new_a = self.acceleration(&self.position, &sum(&v, h, &a));
+                self.velocity = sum(&sum(&v, h / 2.0, &a), h / 2.0, &new_a);
+            }
+            Scheme::RungeKutta4 => {
+                let (v1, a1) = (&v, &a);
+                let v2 = &sum(&v, h / 2.0, a1);
+                let a2 = &self.acceleration(&sum(&x, h / 2.0, v1), v2);
+                let v3 = &sum(&v, h / 2.0, a2);
+                let a3 = &self.acceleration(&sum(&x, h / 2.0, v2), v3);
+                let v4 = &sum(&v, h, a3);
+                let a4 = &self.acceleration(&sum(&x, h, v3), v4);
+                let mean = |k1: &[DVec3], k2: &[DVec3], k3: &[DVec3], k4: &[DVec3]| {
+                    sum(&sum(&sum(k1, 2.0, k2), 2.0, k3), 1.0, k4)
+                };
+                self.position = sum(&x, h / 6.0, &mean(v1, v2, v3, v4));
+                self.velocity = sum(&v, h / 6.0, &mean(a1, a2, a3, a4));
+            }
+        }
+    }
+}
+
+/// `start` + `factor` · `slopes`.
+fn sum(start: &[DVec3], factor: f64, slopes: &[DVec3]) -> Vec<DVec3> {
+    start.iter().zip(slopes).map(|(start, slope)| *start + factor * *slope).collect()
+}

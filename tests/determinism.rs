@@ -1,0 +1,207 @@
+//! The same bits at every step: on repeated runs, with any number of threads, whatever the archetypes.
+
+mod common;
+
+use std::process::Command;
+
+use bevy::app::{TaskPoolOptions, TaskPoolThreadAssignmentPolicy};
+use bevy::prelude::*;
+use bevy::tasks::ComputeTaskPool;
+use bevy_mass_spring::prelude::*;
+use common::*;
+
+#[derive(Component)]
+struct Marker;
+
+#[derive(Component)]
+#[component(storage = "SparseSet")]
+struct SparseMarker;
+
+/// A hanging cloth of 8², swinging ropes and, if wanted, a heap of balls that collide on a rough ground.
+/// `mark` may add components to an entity, of which the simulation knows nothing.
+fn scene(app: &mut App, balls: u8, mut mark: impl FnMut(EntityWorldMut)) -> Vec<Entity> {
+    let mut all = Vec::new();
+    app.world_mut().spawn(PlaneCollider { restitution: 0.3, friction: 0.4 });
+    for row in 0..8_u8 {
+        for column in 0..8_u8 {
+            let place = Vec3::new(f32::from(column) * 0.1, 2.0, f32::from(row) * 0.1);
+            let particle = spawn(app, 0.01, 0.02, place);
+            if row == 0 && column % 7 == 0 {
+                app.world_mut().entity_mut(particle).insert(Pinned);
+            }
+            all.push(particle);
+            for (condition, back) in [(column > 0, 1), (row > 0, 8), (row > 0 && column > 0, 9)] {
+                if condition {
+                    let other = all[all.len() - 1 - back];
+                    let length = if back == 9 { 0.1 * 2.0_f32.sqrt() } else { 0.1 };
+                    let spring = Spring::new(other, particle, length).with_stiffness(100.0).with_damping(0.1);
+                    join(app, spring);
+                }
+            }
+            mark(app.world_mut().entity_mut(particle));
+        }
+    }
+    all.extend(spawn_rope(app, Vec3::new(-3.0, 1.0, 0.0), 12, 0.05, |spring| spring.with_stiffness(400.0)));
+    for number in 0..balls {
+        let number_f = f32::from(number);
+        let place =
+            Vec3::new(0.07 * (number_f * 2.4).sin(), 0.3 + 0.2 * number_f, 0.07 * (number_f * 1.7).cos());
+        let ball = spawn(app, 0.5 + 0.1 * f32::from(number % 4), 0.1, place);
+        mark(app.world_mut().entity_mut(ball));
+        all.push(ball);
+    }
+    all
+}
+
+/// The hash of the state after each of `ticks` ticks.
+fn history(app: &mut App, all: &[Entity], ticks: u32) -> Vec<u64> {
+    (0..ticks)
+        .map(|tick| {
+            // The first anchor is carried to and fro (no sine: it is not the same on every platform).
+            let around = ((tick % 80) as f32 / 40.0 - 1.0).abs();
+            place(app, all[0], Vec3::new(0.3 * around, 2.0, 0.2 * around));
+            run(app, 1);
+            hash(app, all)
+        })
+        .collect()
+}
+
+#[track_caller]
+fn assert_same(one: &[u64], other: &[u64], what: &str) {
+    assert_eq!(one.len(), other.len());
+    let first = one.iter().zip(other).position(|(one, other)| one != other);
+    assert_eq!(first, None, "{what} differs from this tick on");
+}
+
+const TICKS: u32 = 150;
+
+#[test]
+fn repeated_runs_are_the_same_at_every_step() {
+    let run_once = || {
+        let mut app = app();
+        let all = scene(&mut app, 20, |_| {});
+        history(&mut app, &all, TICKS)
+    };
+    let history = run_once();
+    assert_same(&history, &run_once(), "the second run");
+    // Something moves in every tick, so the comparison sees something.
+    assert!(history.windows(2).all(|pair| pair[0] != pair[1]));
+}
+
+#[test]
+fn archetypes_do_not_matter() {
+    let run_once = |mark: fn(usize, EntityWorldMut)| {
+        let mut app = app();
+        let mut count = 0;
+        let all = scene(&mut app, 20, |entity| {
+            mark(count, entity);
+            count += 1;
+        });
+        history(&mut app, &all, TICKS)
+    };
+    let plain = run_once(|_, _| {});
+    let marked = run_once(|count, mut entity| {
+        if count % 2 == 0 {
+            entity.insert(Marker);
+        }
+        if count % 3 == 0 {
+            entity.insert((SparseMarker, Name::new("third")));
+        }
+        if count % 5 == 0 {
+            entity.insert(AppliedForce(Vec3::ZERO));
+        }
+    });
+    assert_same(&plain, &marked, "the run with markers");
+}
+
+/// Entities that change archetype while it runs, and others that come and go beside them.
+#[test]
+fn archetype_moves_do_not_matter() {
+    let run_once = |stir: bool| {
+        let mut app = app();
+        let all = scene(&mut app, 12, |_| {});
+        let mut hashes = Vec::new();
+        for tick in 0..60_usize {
+            if stir {
+                app.world_mut().entity_mut(all[tick % all.len()]).insert(Marker);
+                app.world_mut().entity_mut(all[tick * 7 % all.len()]).remove::<Marker>();
+                let passer_by = app.world_mut().spawn((Marker, Transform::default())).id();
+                app.world_mut().despawn(passer_by);
+            }
+            run(&mut app, 1);
+            hashes.push(hash(&app, &all));
+        }
+        hashes
+    };
+    assert_same(&run_once(false), &run_once(true), "the stirred run");
+}
+
+const THREADS: &str = "MASS_SPRING_TEST_THREADS";
+
+/// Not a test but the child process of the next one: task pools are made once in a process.
+#[test]
+#[ignore = "run by the_number_of_threads_does_not_matter"]
+fn child_prints_its_history() {
+    let Some(threads) = std::env::var(THREADS).ok().and_then(|threads| threads.parse().ok()) else { return };
+    let compute = TaskPoolThreadAssignmentPolicy {
+        min_threads: threads,
+        max_threads: threads,
+        percent: 1.0,
+        on_thread_spawn: None,
+        on_thread_destroy: None,
+    };
+    let options = TaskPoolOptions { max_total_threads: threads + 2, compute, ..TaskPoolOptions::default() };
+    let mut app = app_on(options, MassSpringPlugin::default());
+    println!("threads {}", ComputeTaskPool::get().thread_num());
+    let all = scene(&mut app, 20, |_| {});
+    for hash in history(&mut app, &all, TICKS) {
+        println!("hash {hash}");
+    }
+}
+
+fn history_on(threads: usize) -> Vec<u64> {
+    let child = Command::new(std::env::current_exe().expect("a test knows its own path"))
+        .args(["--exact", "child_prints_its_history", "--ignored", "--nocapture"])
+        .env(THREADS, threads.to_string())
+        .output()
+        .expect("a test can start itself");
+    let output = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success(), "{output}{}", String::from_utf8_lossy(&child.stderr));
+    // The harness prints on the same lines.
+    let numbers = |word: &str| {
+        let mut words = output.split_whitespace();
+        let mut numbers: Vec<u64> = Vec::new();
+        while words.any(|other| other == word) {
+            numbers.extend(words.next().and_then(|number| number.parse::<u64>().ok()));
+        }
+        numbers
+    };
+    assert!(numbers("threads").contains(&(threads as u64)), "the pool has another size: {output}");
+    numbers("hash")
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let one = history_on(1);
+    assert_eq!(one.len(), TICKS as usize);
+    for threads in [2, 3] {
+        assert_same(&one, &history_on(threads), &format!("the run on {threads} threads"));
+    }
+}
+
+/// The hash of the cloth and the rope after 150 ticks under the default settings, without colliding balls.
+const GOLDEN: u64 = 0x6590_11ce_030d_8088;
+
+/// Guards against changes of results that nobody meant: springs, anchors, the ground, gather and scatter.
+#[test]
+fn the_golden_hash_is_unchanged() {
+    let mut app = app();
+    app.world_mut().resource_mut::<CollisionSettings>().particles = false;
+    let all = scene(&mut app, 0, |_| {});
+    let hash = *history(&mut app, &all, TICKS).last().expect("some ticks were run");
+    assert_eq!(
+        hash, GOLDEN,
+        "the results have changed in some bit. If that is meant (say why in CHANGELOG.md), set GOLDEN in \
+         tests/determinism.rs to {hash:#x}"
+    );
+}

@@ -1,0 +1,169 @@
+//! Non-finite states: the particle at fault is taken out, with a message; all else goes on.
+//!
+//! The log belongs to the process, so each test here holds [`Logged`] from its first line on.
+
+mod common;
+
+use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
+use common::logged::Logged;
+use common::*;
+
+struct Patient {
+    app: App,
+    chain: Vec<Entity>,
+    particle: Entity,
+    neighbour: Entity,
+}
+
+/// A hanging chain, and apart from it a particle at (5, 5, 0) with a neighbour on a spring; after 5 ticks.
+fn patient() -> Patient {
+    let mut app = app();
+    let chain = spawn_rope(&mut app, Vec3::Y * 20.0, 5, 0.2, |spring| spring.with_stiffness(400.0));
+    let particle = spawn(&mut app, 1.0, 0.1, Vec3::new(5.0, 5.0, 0.0));
+    let neighbour = spawn(&mut app, 1.0, 0.1, Vec3::new(6.0, 5.0, 0.0));
+    join(&mut app, Spring::new(particle, neighbour, 1.0));
+    run(&mut app, 5);
+    Patient { app, chain, particle, neighbour }
+}
+
+/// Lets `poison` loose on the particle and checks that it alone is taken out, named and reported once.
+fn assert_quarantined(logged: &Logged, poison: impl Fn(&mut App, Entity)) {
+    let mut healthy = patient();
+    run(&mut healthy.app, 20);
+    let Patient { mut app, chain, particle, neighbour } = patient();
+    let last = position(&app, particle);
+    let tick = report(&app).tick;
+    logged.assert_silent();
+    poison(&mut app, particle);
+    run(&mut app, 1);
+    assert!(app.world().entity(particle).contains::<Quarantined>());
+    assert_eq!(messages::<ParticleFault>(&mut app), [ParticleFault { particle, tick: tick + 1 }]);
+    let line = logged.take_one();
+    assert!(line.contains(&particle.to_string()), "{line:?}");
+    assert_eq!(report(&app).faults, 1);
+    let kept = position(&app, particle);
+    assert!(kept.is_finite() && kept.distance(last) < 0.1, "kept at {kept}");
+
+    run(&mut app, 19);
+    assert_eq!(messages::<ParticleFault>(&mut app), []);
+    logged.assert_silent();
+    assert_eq!((report(&app).particles, report(&app).springs), (6, 4));
+    assert_eq!(position(&app, particle), kept);
+    assert!(position(&app, neighbour).is_finite() && velocity(&app, neighbour).y < -2.0);
+    assert_eq!(hash(&app, &chain), hash(&healthy.app, &healthy.chain), "the others are not disturbed");
+
+    let world = app.world_mut();
+    world.entity_mut(particle).remove::<(Quarantined, AppliedForce)>();
+    world.entity_mut(particle).insert(ParticleVelocity::default());
+    run(&mut app, 5);
+    assert_eq!((report(&app).particles, report(&app).springs), (7, 5));
+    assert!(position(&app, particle).is_finite() && position(&app, particle) != kept, "it moves again");
+    logged.assert_silent();
+}
+
+fn set_velocity(app: &mut App, particle: Entity, velocity: Vec3) {
+    app.world_mut().get_mut::<ParticleVelocity>(particle).unwrap().0 = velocity;
+}
+
+#[test]
+fn a_position_that_is_not_a_number() {
+    let logged = Logged::start();
+    for bad in [f32::NAN, f32::INFINITY] {
+        assert_quarantined(&logged, |app, particle| place(app, particle, Vec3::new(0.0, bad, 0.0)));
+    }
+}
+
+#[test]
+fn a_velocity_that_is_not_a_number() {
+    let logged = Logged::start();
+    for bad in [f32::NAN, f32::NEG_INFINITY] {
+        assert_quarantined(&logged, |app, particle| set_velocity(app, particle, Vec3::X * bad));
+    }
+}
+
+/// 3.4e38 N on a gram overflow within a substep.
+#[test]
+fn a_force_that_overflows() {
+    let logged = Logged::start();
+    let Patient { mut app, chain, .. } = patient();
+    let victim = spawn(&mut app, 1e-3, 0.1, Vec3::X * -5.0);
+    app.world_mut().entity_mut(victim).insert(AppliedForce(Vec3::X * f32::MAX));
+    run(&mut app, 1);
+    assert_eq!(messages::<ParticleFault>(&mut app).len(), 1);
+    run(&mut app, 19);
+    assert!(app.world().entity(victim).contains::<Quarantined>());
+    assert!(position(&app, victim).is_finite());
+    assert!(logged.take_one().contains(&victim.to_string()));
+    let mut healthy = patient();
+    run(&mut healthy.app, 20);
+    assert_eq!(hash(&app, &chain), hash(&healthy.app, &healthy.chain), "the others are not disturbed");
+}
+
+/// A force that is not a number does no harm: it is named once, and the particle falls on without it.
+#[test]
+fn a_force_that_is_not_a_number_is_ignored() {
+    let logged = Logged::start();
+    let (mut healthy, mut pushed) = (patient(), patient());
+    pushed.app.world_mut().entity_mut(pushed.particle).insert(AppliedForce(Vec3::splat(f32::NAN)));
+    run(&mut pushed.app, 10);
+    let line = logged.take_one();
+    assert!(line.contains(&pushed.particle.to_string()) && line.contains("force"), "{line:?}");
+    run(&mut healthy.app, 10);
+    assert_eq!(bits(&pushed.app, pushed.particle), bits(&healthy.app, healthy.particle));
+    assert!(!pushed.app.world().entity(pushed.particle).contains::<Quarantined>());
+}
+
+/// One that comes in non-finite was never in: it waits outside, named once, until it is mended.
+#[test]
+fn a_particle_spawned_outside_of_numbers_waits() {
+    let logged = Logged::start();
+    let mut app = app();
+    let lost = spawn(&mut app, 1.0, 0.1, Vec3::new(f32::NAN, 0.0, 0.0));
+    run(&mut app, 5);
+    let line = logged.take_one();
+    assert!(line.contains(&lost.to_string()) && line.contains("translation"), "{line:?}");
+    assert_eq!(report(&app).particles, 0);
+    place(&mut app, lost, Vec3::ZERO);
+    run(&mut app, 5);
+    assert!(position(&app, lost).y < 0.0);
+    logged.assert_silent();
+}
+
+#[test]
+fn a_pinned_particle_that_is_sent_to_infinity_keeps_its_place() {
+    let logged = Logged::start();
+    let mut app = app();
+    let anchor = spawn_pinned(&mut app, Vec3::Y);
+    let bob = spawn(&mut app, 1.0, 0.1, Vec3::ZERO);
+    join(&mut app, Spring::new(anchor, bob, 1.0));
+    run(&mut app, 5);
+    place(&mut app, anchor, Vec3::Y * f32::INFINITY);
+    run(&mut app, 1);
+    assert_eq!(messages::<ParticleFault>(&mut app).len(), 1);
+    run(&mut app, 20);
+    assert!(position(&app, bob).is_finite() && velocity(&app, bob).y < -1.0, "it falls freely");
+    assert_eq!(logged.take().len(), 1);
+}
+
+/// Explicit Euler explodes; the whole net ends in quarantine, each particle reported once, and the app
+/// runs on.
+#[test]
+fn an_explosion_is_reported_and_survived() {
+    let logged = Logged::start();
+    let mut app = app();
+    app.insert_resource(scheme(Integrator::ExplicitEuler, 1));
+    let rope = spawn_rope(&mut app, Vec3::ZERO, 8, 0.01, |spring| spring.with_stiffness(1e5));
+    let bystander = spawn(&mut app, 1.0, 0.0, Vec3::Y * 100.0);
+    run(&mut app, 200);
+    let free = rope.len() - 1;
+    assert!(report(&app).faults >= 1 && report(&app).faults <= free, "{}", report(&app).faults);
+    assert_eq!(logged.take().len(), report(&app).faults);
+    for particle in rope {
+        assert!(position(&app, particle).is_finite());
+    }
+    let fallen = 100.0 - position(&app, bystander).y;
+    // Explicit Euler: x = g h² n (n − 1) / 2.
+    let expected = 9.81 * TICK * TICK * 200.0 * 199.0 / 2.0;
+    assert!((fallen / expected - 1.0).abs() < 1e-3, "the bystander falls as ever: {fallen} m");
+}

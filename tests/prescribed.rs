@@ -1,0 +1,117 @@
+//! Particles with a prescribed motion, in the pure solver: where they are in each substep, and what
+//! springs and dampers see of it.
+
+mod common;
+
+use bevy::math::Vec3;
+use bevy_mass_spring::solver::{PinnedMotion, Scheme, SolverState, StepSettings, step};
+
+const TICK: f32 = 1.0 / 64.0;
+
+/// A pinned particle at the origin, and one of 2 kg at x = 1 m.
+fn pair(stiffness: f32, damping: f32) -> SolverState {
+    let mut state = SolverState::default();
+    state.particles.push(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0);
+    state.particles.push(Vec3::X, Vec3::ZERO, 2.0, 0.0);
+    state.springs.push(0, 1, 1.0, stiffness, damping);
+    state
+}
+
+/// Sends the pinned particle to `target`.
+fn send(state: &mut SolverState, target: Vec3) {
+    let start = state.particles.position.get(0);
+    state.pinned = vec![PinnedMotion { slot: 0, start, target }];
+}
+
+fn settings(scheme: Scheme, substeps: u32) -> StepSettings {
+    StepSettings { scheme, substeps, time_step: TICK, ..StepSettings::default() }
+}
+
+#[test]
+fn the_target_is_reached_exactly_with_the_velocity_of_the_motion() {
+    for scheme in Scheme::ALL {
+        for substeps in [1, 3, 7, 10] {
+            let mut state = pair(300.0, 2.0);
+            let mut last = Vec3::ZERO;
+            for target in [Vec3::new(0.1, 0.7, -0.3), Vec3::new(0.1, 0.7, -0.3), Vec3::new(0.2, 0.3, 1e-5)] {
+                send(&mut state, target);
+                step(&mut state, &settings(scheme, substeps));
+                assert_eq!(state.particles.position.get(0), target, "{scheme:?}, {substeps}");
+                assert_eq!(state.particles.velocity.get(0), (target - last) / TICK, "{scheme:?}");
+                last = target;
+            }
+        }
+    }
+}
+
+#[test]
+fn no_force_moves_it() {
+    for scheme in Scheme::ALL {
+        let mut state = pair(300.0, 2.0);
+        state.particles.position.set(1, Vec3::new(3.0, 1.0, 0.0));
+        state.particles.applied_force.set(0, Vec3::splat(1e3));
+        let settings = StepSettings { gravity: Vec3::Y * -9.81, viscosity: 1.0, ..settings(scheme, 4) };
+        for _ in 0..100 {
+            send(&mut state, Vec3::ZERO);
+            step(&mut state, &settings);
+            assert_eq!(state.particles.position.get(0), Vec3::ZERO, "{scheme:?}");
+            assert_eq!(state.particles.velocity.get(0), Vec3::ZERO, "{scheme:?}");
+        }
+    }
+}
+
+/// With a damper c alone and an anchor that moves away at V along it, the particle is accelerated by
+/// c (V − v) / m; all numbers are powers of two, so explicit Euler's v += h c (V − v) / m is exact.
+#[test]
+fn a_damper_sees_the_velocity_of_the_motion_from_the_first_substep_on() {
+    let (damping, speed, substep) = (16.0_f32, -2.0_f32, TICK / 4.0);
+    let mut state = pair(0.0, damping);
+    send(&mut state, Vec3::X * speed * TICK);
+    step(&mut state, &settings(Scheme::ExplicitEuler, 4));
+    let mut velocity = 0.0_f32;
+    for _ in 0..4 {
+        velocity += substep * (damping * (speed - velocity) / 2.0);
+    }
+    assert_eq!(state.particles.velocity.get(1), Vec3::X * velocity);
+}
+
+/// With a spring alone, explicit Euler's k-th substep feels the anchor where it was at the start of that
+/// substep: after k/n of the way. If it jumped to the target at once, or stayed until the end, the
+/// change of velocity would differ by 2.5 or be missing.
+#[test]
+fn the_motion_is_spread_evenly_over_the_substeps() {
+    let (stiffness, substeps) = (64.0_f32, 4_u16);
+    let way = -1.0 / 16.0;
+    let mut state = pair(stiffness, 0.0);
+    send(&mut state, Vec3::X * way);
+    step(&mut state, &settings(Scheme::ExplicitEuler, substeps.into()));
+
+    let substep = TICK / f32::from(substeps);
+    let (mut position, mut velocity) = (1.0_f32, 0.0_f32);
+    for done in 0..substeps {
+        let anchor = way * f32::from(done) / f32::from(substeps);
+        let acceleration = -stiffness * (position - anchor - 1.0) / 2.0;
+        position += substep * velocity;
+        velocity += substep * acceleration;
+    }
+    // The numbers are dyadic with few bits: not a single rounding.
+    assert_eq!(state.particles.position.get(1), Vec3::X * position);
+    assert_eq!(state.particles.velocity.get(1), Vec3::X * velocity);
+}
+
+/// A tick of n substeps is the same as n ticks of one, the anchor going a part of the way in each.
+#[test]
+fn substeps_are_ticks_in_small() {
+    for scheme in Scheme::ALL {
+        let (mut whole, mut parts) = (pair(300.0, 2.0), pair(300.0, 2.0));
+        let target = Vec3::new(-0.25, 0.5, 0.125);
+        send(&mut whole, target);
+        step(&mut whole, &settings(scheme, 4));
+        for part in 1..=4_u8 {
+            send(&mut parts, target * f32::from(part) / 4.0);
+            step(&mut parts, &StepSettings { time_step: TICK / 4.0, ..settings(scheme, 1) });
+        }
+        assert_eq!(whole.particles.position, parts.particles.position, "{scheme:?}");
+        assert_eq!(whole.particles.velocity, parts.particles.velocity, "{scheme:?}");
+    }
+}

@@ -1,0 +1,258 @@
+//! Properties of random nets: whatever their shape, masses and springs, they hold.
+
+mod common;
+
+use bevy::math::{DVec3, Vec3};
+use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
+use bevy_mass_spring::solver::stability::FrequencyBounds;
+use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
+use common::{app, hash, run};
+use proptest::prelude::*;
+
+/// The largest relative error of one f32 rounding.
+const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
+
+/// A random spring: its ends, the ratio of its rest length to its length, stiffness and damping.
+type Link = (usize, usize, f32, f32, f32);
+
+/// A random net, connected or not.
+#[derive(Debug, Clone)]
+struct Net {
+    /// Position, velocity, mass.
+    particles: Vec<(Vec3, Vec3, f32)>,
+    links: Vec<Link>,
+}
+
+/// Particles stand about 1 m apart, on a jittered grid, so that no spring starts near length 0.
+fn nets(masses: std::ops::Range<f32>, stiffnesses: std::ops::Range<f32>) -> impl Strategy<Value = Net> {
+    let jitter = || prop::array::uniform3(-0.2_f32..0.2);
+    (2_usize..12).prop_flat_map(move |count| {
+        let particle = (jitter(), prop::array::uniform3(-0.5_f32..0.5), masses.clone());
+        let link = (0..count, 0..count, 0.85_f32..1.15, stiffnesses.clone(), 0.0_f32..0.5);
+        let particles = prop::collection::vec(particle, count);
+        (particles, prop::collection::vec(link, 0..2 * count)).prop_map(|(particles, links)| Net {
+            particles: particles
+                .into_iter()
+                .enumerate()
+                .map(|(slot, (jitter, velocity, mass))| {
+                    let corner = Vec3::new((slot % 3) as f32, (slot / 3 % 2) as f32, (slot / 6) as f32);
+                    (corner + Vec3::from(jitter), Vec3::from(velocity), mass)
+                })
+                .collect(),
+            links: links.into_iter().filter(|(first, second, ..)| first != second).collect(),
+        })
+    })
+}
+
+impl Net {
+    fn rest_length(&self, &(first, second, ratio, ..): &Link) -> f32 {
+        ratio * self.particles[first].0.distance(self.particles[second].0)
+    }
+
+    /// The net in the solver, its particle `slot` in the place `order[slot]`, moved by `shift`.
+    fn state(&self, order: &[usize], shift: Vec3) -> SolverState {
+        let mut state = SolverState::default();
+        let mut by_place: Vec<_> = order.iter().zip(&self.particles).collect();
+        by_place.sort_by_key(|(place, _)| **place);
+        for (_, (position, velocity, mass)) in by_place {
+            state.particles.push(*position + shift, *velocity, *mass, 0.0);
+        }
+        for link in &self.links {
+            let (first, second, _, stiffness, damping) = *link;
+            state.springs.push(order[first], order[second], self.rest_length(link), stiffness, damping);
+        }
+        state
+    }
+
+    fn plain_state(&self) -> SolverState {
+        self.state(&(0..self.particles.len()).collect::<Vec<_>>(), Vec3::ZERO)
+    }
+}
+
+fn bounds(state: &SolverState) -> FrequencyBounds {
+    let springs = &state.springs;
+    let listed = (0..springs.len()).map(|index| {
+        let (first, second) = springs.ends(index);
+        (first, second, springs.stiffness[index], springs.damping[index])
+    });
+    FrequencyBounds::of(&state.particles.inverse_mass, listed, 0.0)
+}
+
+/// Settings with the step h for which hω is `share`; at most 1/60 s.
+fn resolved(state: &SolverState, share: f64) -> StepSettings {
+    let time_step = (share / bounds(state).angular_frequency).min(1.0 / 60.0) as f32;
+    StepSettings { scheme: Scheme::SemiImplicitEuler, time_step, ..StepSettings::default() }
+}
+
+/// Σ of the pulls of all springs, N, in f64 and without a sign.
+fn sum_of_pulls(state: &SolverState) -> f64 {
+    let pull = |index| {
+        let (first, second) = state.springs.ends(index);
+        let of = |vectors: &bevy_mass_spring::solver::Vectors| {
+            (vectors.get(first) - vectors.get(second)).as_dvec3()
+        };
+        let (separation, velocity) = (of(&state.particles.position), of(&state.particles.velocity));
+        let length = separation.length();
+        let elongation = (length - f64::from(state.springs.rest_length[index])).abs();
+        let damping = f64::from(state.springs.damping[index]) * velocity.length();
+        f64::from(state.springs.stiffness[index]) * elongation + damping
+    };
+    (0..state.springs.len()).map(pull).sum()
+}
+
+fn sum_of_momenta(state: &SolverState) -> f64 {
+    let particles = &state.particles;
+    let of = |slot: usize| {
+        particles.velocity.get(slot).as_dvec3().length() / f64::from(particles.inverse_mass[slot])
+    };
+    (0..particles.len()).map(of).sum()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(48) })]
+
+    /// A substep rounds each m v by u, and each of the sums of forces (fewer than 30 terms, twice each
+    /// pull) by u times its terms; √3 for the three components.
+    #[test]
+    fn momentum_is_conserved(net in nets(0.1..10.0, 1.0..5000.0)) {
+        let mut state = net.plain_state();
+        let settings = resolved(&state, 0.5);
+        let start = energy::totals(&state, Vec3::ZERO).momentum;
+        let mut tolerance = 0.0;
+        for _ in 0..300 {
+            let pulls = sum_of_pulls(&state);
+            step(&mut state, &settings);
+            let rounding = sum_of_momenta(&state) + f64::from(settings.time_step) * 60.0 * pulls;
+            tolerance += 3.0_f64.sqrt() * ROUNDING * rounding;
+            let drift = energy::totals(&state, Vec3::ZERO).momentum - start;
+            prop_assert!(drift.length() <= tolerance, "{} exceeds {tolerance}", drift.length());
+        }
+    }
+
+    /// Symplectic Euler keeps H − h/2 F·v + O(h²), and |F·v| <= ω H (Cauchy–Schwarz: Σ k |Δv|² <=
+    /// ω² Σ m v²), so H stays below (1 + hω/2)/(1 − hω/2) of its start: 2 % for hω = 0.02. The terms of
+    /// second order, (hω)² = 4e-4 times the few by which directions turn faster than lengths change, are
+    /// granted 1 % more. Dampers only take away.
+    #[test]
+    fn damped_nets_never_gain_energy(net in nets(0.1..10.0, 1.0..5000.0)) {
+        let mut state = net.plain_state();
+        let settings = resolved(&state, 0.02);
+        let total = |state: &SolverState| {
+            let totals = energy::totals(state, Vec3::ZERO);
+            totals.kinetic_energy + totals.elastic_energy
+        };
+        let start = total(&state);
+        for tick in 0..1000 {
+            step(&mut state, &settings);
+            let now = total(&state);
+            prop_assert!(now <= 1.03 * start, "tick {tick}: {now} J of {start} J");
+        }
+    }
+
+    /// Where a particle stands in the arrays changes nothing, to the bit: each spring does the same sum in
+    /// the same order.
+    #[test]
+    fn slots_do_not_matter((net, order) in nets(0.1..10.0, 1.0..5000.0).prop_flat_map(|net| {
+        let order: Vec<usize> = (0..net.particles.len()).collect();
+        (Just(net), Just(order).prop_shuffle())
+    })) {
+        let (mut plain, mut shuffled) = (net.plain_state(), net.state(&order, Vec3::ZERO));
+        let settings = StepSettings { gravity: Vec3::NEG_Y, viscosity: 0.1, ..resolved(&plain, 0.5) };
+        for _ in 0..100 {
+            step(&mut plain, &settings);
+            step(&mut shuffled, &settings);
+        }
+        for (slot, place) in order.iter().enumerate() {
+            prop_assert_eq!(plain.particles.position.get(slot), shuffled.particles.position.get(*place));
+            prop_assert_eq!(plain.particles.velocity.get(slot), shuffled.particles.velocity.get(*place));
+        }
+    }
+
+    /// The order of the springs, and where the net is, change roundings only: of positions below X = 20 m
+    /// by u X in each of n = 40 steps (and of velocities, which h makes positions, by less). A difference
+    /// grows by 1 + 2 hω = 1.1 a step at most (lengths by hω, directions of taut springs by as much).
+    #[test]
+    fn translation_and_the_order_of_springs_change_roundings_only(net in nets(0.1..10.0, 1.0..5000.0)) {
+        let shift = Vec3::new(16.0, -8.0, 4.0);
+        let order: Vec<usize> = (0..net.particles.len()).collect();
+        let mut reversed = net.clone();
+        reversed.links.reverse();
+        let (mut plain, mut moved) = (net.plain_state(), reversed.state(&order, shift));
+        let settings = resolved(&plain, 0.05);
+        for _ in 0..40 {
+            step(&mut plain, &settings);
+            step(&mut moved, &settings);
+        }
+        let tolerance = (40.0 * ROUNDING * 20.0 * 1.1_f64.powi(40)) as f32;
+        for slot in 0..net.particles.len() {
+            let difference = moved.particles.position.get(slot) - shift - plain.particles.position.get(slot);
+            prop_assert!(difference.length() < tolerance, "{difference} exceeds {tolerance}");
+        }
+    }
+}
+
+/// Spawns the net, falling onto a ground, with the pins and markers whose bits are set.
+fn spawn_net(app: &mut App, net: &Net, pins: u16, markers: u16) -> Vec<Entity> {
+    app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, -0.5, 0.0)));
+    let mut all = Vec::new();
+    for (slot, (position, velocity, mass)) in net.particles.iter().enumerate() {
+        let particle =
+            (Particle::new(*mass, 0.1), ParticleVelocity(*velocity), Transform::from_translation(*position));
+        let mut entity = app.world_mut().spawn(particle);
+        if pins >> slot & 1 == 1 {
+            entity.insert(Pinned);
+        }
+        if markers >> slot & 1 == 1 {
+            entity.insert(Name::new("marked"));
+        }
+        all.push(entity.id());
+    }
+    for link in &net.links {
+        let (first, second, _, stiffness, damping) = *link;
+        let spring = Spring::new(all[first], all[second], net.rest_length(link));
+        app.world_mut().spawn(spring.with_stiffness(stiffness).with_damping(damping));
+    }
+    all
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(24) })]
+
+    /// The default settings never explode: masses from a gram, stiffnesses up to 10⁶ N/m. Speeds stay
+    /// below what all the energy would give to the lightest particle, twice over for the energy that the
+    /// coarsest automatic step, hω = 1, may seem to have: (1 + 1/2)/(1 − 1/2) = 3, and √3 < 2.
+    #[test]
+    fn auto_never_explodes(net in nets(0.001..10.0, 1.0..1e6), pins: u16) {
+        let mut app = app();
+        let all = spawn_net(&mut app, &net, pins, 0);
+        let mass: f64 = net.particles.iter().map(|(.., mass)| f64::from(*mass)).sum();
+        let lightest = net.particles.iter().map(|(.., mass)| f64::from(*mass)).fold(f64::MAX, f64::min);
+        let start = energy::totals(&net.plain_state(), Vec3::ZERO);
+        // Nothing can fall by more than the 3 m from the top of the net to the ground, and what hangs
+        // from a pin by as much again.
+        let fall = mass * 9.81 * 6.0;
+        let energy = start.kinetic_energy + start.elastic_energy + fall;
+        let fastest = 2.0 * (2.0 * energy / lightest).sqrt();
+        for _ in 0..30 {
+            run(&mut app, 1);
+            for particle in &all {
+                let speed: DVec3 = common::velocity(&app, *particle).as_dvec3();
+                prop_assert!(speed.is_finite() && speed.length() < fastest, "{speed}, limit {fastest}");
+            }
+        }
+        prop_assert_eq!(app.world().resource::<TickReport>().faults, 0);
+    }
+
+    #[test]
+    fn archetypes_do_not_matter(net in nets(0.1..10.0, 1.0..5000.0), pins: u16, markers: u16) {
+        let (mut plain, mut marked) = (app(), app());
+        let all = spawn_net(&mut plain, &net, pins, 0);
+        let twins = spawn_net(&mut marked, &net, pins, markers);
+        for tick in 0..30 {
+            run(&mut plain, 1);
+            run(&mut marked, 1);
+            prop_assert_eq!(hash(&plain, &all), hash(&marked, &twins), "tick {}", tick);
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! What the crate says when it is given nonsense, and that nothing else is disturbed by it.
+//!
+//! The log belongs to the process, so each test here holds [`Logged`] from its first line on.
+
+mod common;
+
+use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
+use common::logged::Logged;
+use common::*;
+
+/// A chain of five hanging from a pinned particle, away from everything that the tests do.
+fn bystanders(app: &mut App) -> Vec<Entity> {
+    spawn_rope(app, Vec3::new(0.0, 20.0, 0.0), 5, 0.2, |spring| spring.with_stiffness(400.0))
+}
+
+/// The hash of the bystanders after `ticks` ticks in an app without anything else.
+fn undisturbed(ticks: u32) -> u64 {
+    let mut app = app();
+    let chain = bystanders(&mut app);
+    run(&mut app, ticks);
+    hash(&app, &chain)
+}
+
+#[track_caller]
+fn assert_names(line: &str, entity: Entity, words: &[&str]) {
+    assert!(line.contains(&entity.to_string()), "{line:?} does not name {entity}");
+    for word in words {
+        assert!(line.contains(word), "{line:?} does not contain {word:?}");
+    }
+}
+
+#[test]
+fn a_spring_left_dangling_is_named_exactly_once() {
+    let logged = Logged::start();
+    let mut app = app();
+    let chain = bystanders(&mut app);
+    let (first, second) = (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X));
+    let spring = join(&mut app, Spring::new(first, second, 1.0));
+    run(&mut app, 10);
+    logged.assert_silent();
+    app.world_mut().despawn(second);
+    run(&mut app, 1);
+    assert_names(&logged.take_one(), spring, &["spring", &second.to_string()]);
+    // Neither ticks nor other changes of the topology repeat it.
+    run(&mut app, 5);
+    let passer_by = spawn(&mut app, 1.0, 0.1, Vec3::Y * -5.0);
+    run(&mut app, 5);
+    app.world_mut().despawn(passer_by);
+    run(&mut app, 9);
+    logged.assert_silent();
+    assert_eq!(report(&app).springs, 4);
+    assert_eq!(hash(&app, &chain), undisturbed(30));
+}
+
+#[test]
+fn a_dangling_spring_that_finds_a_new_end_works_and_is_named_again_when_it_loses_it() {
+    let logged = Logged::start();
+    let mut app = app();
+    let (first, second) = (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X));
+    let spring = join(&mut app, Spring::new(first, second, 1.0));
+    run(&mut app, 1);
+    app.world_mut().despawn(second);
+    run(&mut app, 1);
+    logged.take_one();
+    let third = spawn(&mut app, 1.0, 0.1, Vec3::X);
+    app.world_mut().get_mut::<Spring>(spring).unwrap().particles[1] = third;
+    run(&mut app, 1);
+    logged.assert_silent();
+    assert_eq!(report(&app).springs, 1);
+    app.world_mut().despawn(third);
+    run(&mut app, 1);
+    assert_names(&logged.take_one(), spring, &[&third.to_string()]);
+}
+
+#[test]
+fn a_spring_to_itself_or_to_no_particle_is_named_once() {
+    let logged = Logged::start();
+    let mut app = app();
+    let chain = bystanders(&mut app);
+    let particle = spawn(&mut app, 1.0, 0.1, Vec3::ZERO);
+    let stranger = app.world_mut().spawn(Transform::default()).id();
+    let loop_spring = join(&mut app, Spring::new(particle, particle, 1.0));
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), loop_spring, &["both"]);
+    let stray = join(&mut app, Spring::new(particle, stranger, 1.0));
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), stray, &[&stranger.to_string()]);
+    assert_eq!(report(&app).springs, 4);
+    assert_eq!(hash(&app, &chain), undisturbed(10));
+}
+
+#[test]
+fn a_bad_particle_is_named_once_skipped_and_let_back_in_when_mended() {
+    let bad = [
+        ("mass", Particle::new(0.0, 0.1)),
+        ("mass", Particle::new(-1.0, 0.1)),
+        ("mass", Particle::new(f32::INFINITY, 0.1)),
+        ("mass", Particle::new(f32::NAN, 0.1)),
+        ("radius", Particle::new(1.0, -0.1)),
+        ("radius", Particle::new(1.0, f32::NAN)),
+    ];
+    let logged = Logged::start();
+    let expected = undisturbed(12);
+    for (field, particle) in bad {
+        let mut app = app();
+        let chain = bystanders(&mut app);
+        let patient = app.world_mut().spawn((particle, Transform::from_xyz(5.0, 5.0, 0.0))).id();
+        let friend = spawn(&mut app, 1.0, 0.1, Vec3::X * 9.0);
+        join(&mut app, Spring::new(patient, friend, 4.0).with_stiffness(0.0));
+        run(&mut app, 6);
+        assert_names(&logged.take_one(), patient, &["particle", field]);
+        assert_eq!((report(&app).particles, report(&app).springs), (6, 4), "{particle:?}");
+        assert_eq!(position(&app, patient), Vec3::new(5.0, 5.0, 0.0));
+        *app.world_mut().get_mut::<Particle>(patient).unwrap() = Particle::new(1.0, 0.1);
+        run(&mut app, 6);
+        logged.assert_silent();
+        assert_eq!((report(&app).particles, report(&app).springs), (7, 5), "{particle:?}");
+        assert!(velocity(&app, patient).y < 0.0);
+        assert_eq!(hash(&app, &chain), expected, "{particle:?}");
+    }
+}
+
+#[test]
+fn a_particle_that_turns_bad_while_it_runs_is_named_once() {
+    let logged = Logged::start();
+    let mut app = app();
+    let chain = bystanders(&mut app);
+    let patient = spawn(&mut app, 1.0, 0.1, Vec3::X * 5.0);
+    run(&mut app, 5);
+    app.world_mut().get_mut::<Particle>(patient).unwrap().mass = -3.0;
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), patient, &["mass", "-3"]);
+    assert_eq!(report(&app).particles, 5);
+    let stopped = position(&app, patient);
+    run(&mut app, 5);
+    assert_eq!(position(&app, patient), stopped);
+    app.world_mut().get_mut::<Particle>(patient).unwrap().mass = 3.0;
+    run(&mut app, 5);
+    assert!(position(&app, patient).y < stopped.y);
+    assert_eq!(hash(&app, &chain), undisturbed(20));
+    logged.assert_silent();
+}
+
+#[test]
+fn a_bad_spring_is_named_once_skipped_and_let_back_in_when_mended() {
+    let logged = Logged::start();
+    let expected = undisturbed(15);
+    for (field, value) in [
+        ("rest_length", -1.0),
+        ("rest_length", f32::NAN),
+        ("stiffness", -5.0),
+        ("stiffness", f32::INFINITY),
+        ("damping", -0.1),
+        ("damping", f32::NAN),
+    ] {
+        let mut app = app();
+        let chain = bystanders(&mut app);
+        let (first, second) =
+            (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X * 2.0));
+        let good = Spring::new(first, second, 1.0);
+        let spring = join(&mut app, good);
+        run(&mut app, 5);
+        let mut bad = app.world_mut().get_mut::<Spring>(spring).unwrap();
+        match field {
+            "rest_length" => bad.rest_length = value,
+            "stiffness" => bad.stiffness = value,
+            _ => bad.damping = value,
+        }
+        run(&mut app, 5);
+        assert_names(&logged.take_one(), spring, &["spring", field]);
+        assert_eq!(report(&app).springs, 4, "{field} {value}");
+        *app.world_mut().get_mut::<Spring>(spring).unwrap() = good;
+        run(&mut app, 5);
+        logged.assert_silent();
+        assert_eq!(report(&app).springs, 5, "{field} {value}");
+        assert_eq!(hash(&app, &chain), expected, "{field} {value}");
+    }
+}
+
+#[test]
+fn a_bad_plane_is_named_once_and_holds_nothing() {
+    let logged = Logged::start();
+    let mut app = app();
+    let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
+    let ground = app.world_mut().spawn(PlaneCollider { restitution: 1.5, friction: 0.0 }).id();
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), ground, &["plane", "restitution", "1.5"]);
+    assert!(position(&app, ball).y < 0.1);
+    place(&mut app, ball, Vec3::Y * 0.1);
+    app.world_mut().get_mut::<ParticleVelocity>(ball).unwrap().0 = Vec3::ZERO;
+    app.world_mut().get_mut::<PlaneCollider>(ground).unwrap().restitution = 0.5;
+    run(&mut app, 5);
+    assert_eq!(position(&app, ball).y, 0.1);
+    app.world_mut().get_mut::<Transform>(ground).unwrap().translation.y = f32::NAN;
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), ground, &["plane"]);
+    assert!(position(&app, ball).is_finite());
+}
+
+#[test]
+fn bad_settings_are_named_once_and_are_ignored() {
+    let logged = Logged::start();
+    let mut app = app();
+    let ball = spawn(&mut app, 1.0, 0.1, Vec3::ZERO);
+    app.world_mut().resource_mut::<Environment>().viscosity = -1.0;
+    run(&mut app, 5);
+    assert!(logged.take_one().contains("viscosity"));
+    assert_eq!(velocity(&app, ball), Vec3::ZERO);
+    *app.world_mut().resource_mut::<Environment>() = Environment::default();
+    app.world_mut().resource_mut::<CollisionSettings>().restitution = f32::NAN;
+    run(&mut app, 5);
+    assert!(logged.take_one().contains("restitution"));
+    assert!(velocity(&app, ball).y < 0.0, "gravity acts again");
+    *app.world_mut().resource_mut::<CollisionSettings>() = CollisionSettings::default();
+    app.insert_resource(scheme(Integrator::SemiImplicitEuler, 0));
+    run(&mut app, 5);
+    assert!(logged.take_one().contains("substeps"));
+    assert_eq!(report(&app).substeps, 1);
+}
+
+#[test]
+fn missing_integrators_are_refused_with_one_line_and_nothing_moves() {
+    let logged = Logged::start();
+    for integrator in [Integrator::ImplicitEuler, Integrator::Xpbd] {
+        let mut app = app();
+        let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y);
+        run(&mut app, 3);
+        let before = (bits(&app, ball), report(&app).tick);
+        app.insert_resource(scheme(integrator, 4));
+        run(&mut app, 10);
+        assert!(logged.take_one().contains(&integrator.to_string()));
+        assert_eq!((bits(&app, ball), report(&app).tick), before);
+        app.insert_resource(scheme(Integrator::VelocityVerlet, 4));
+        run(&mut app, 1);
+        assert!(position(&app, ball).y < 1.0);
+        logged.assert_silent();
+    }
+}
