@@ -41,17 +41,21 @@ pub fn run(scene: &MassSpringScene, seconds: f64) -> ExitCode {
     println!("{ticks} ticks of {:.3} ms: {:.3} s simulated", step * 1e3, ticks as f64 * step);
     println!("{} with {} substeps, {cost:.4} ms a tick", report.integrator, report.substeps);
     println!(
-        "energy: kinetic {:.6} J, elastic {:.6} J, gravitational {:.6} J",
-        measured.kinetic_energy, measured.elastic_energy, measured.gravitational_energy
+        "energy: kinetic {} J, elastic {} J, gravitational {} J",
+        number(measured.kinetic_energy),
+        number(measured.elastic_energy),
+        number(measured.gravitational_energy)
     );
-    println!(
-        "largest stretch {:.3} %, largest speed {:.4} m/s",
-        measured.max_stretch * 1e2,
-        measured.max_speed
-    );
+    let (stretch, speed) = (number(measured.max_stretch * 1e2), number(measured.max_speed));
+    println!("largest stretch {stretch} %, largest speed {speed} m/s");
     if report.faults > 0 {
         eprintln!("the simulation diverged: {} particles became non-finite", report.faults);
         return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS
+}
+
+/// A number to read; that of a diverged simulation has too many digits for that.
+fn number(value: f64) -> String {
+    if value.abs() < 1e6 { format!("{value:.6}") } else { format!("{value:.3e}") }
 }

@@ -77,10 +77,13 @@ pub(super) fn row<R>(ui: &mut Ui, name: &str, draw: impl FnOnce(&mut Ui) -> R) -
     .inner
 }
 
-/// A number in at most four significant digits, without a tail of zeros.
+/// A number in about four significant digits, without a tail of zeros.
 pub(super) fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
+    }
+    if !(1e-4..1e6).contains(&value.abs()) {
+        return format!("{value:.1e}");
     }
     let digits = (3.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
     let text = format!("{value:.digits$}");
@@ -100,6 +103,7 @@ mod tests {
             (0.05, "0.05"),
             (1.0 / 60.0, "0.01667"),
             (12345.6, "12346"),
+            (-3.2e20, "-3.2e20"),
         ] {
             assert_eq!(number(value), text);
         }

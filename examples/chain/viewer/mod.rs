@@ -8,7 +8,7 @@ pub mod stage;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::scene::SpawnedScene;
+use bevy_mass_spring::scene::{SceneParticle, SpawnedScene};
 
 /// The viewer, on top of `DefaultPlugins` and a [`FirstScene`].
 pub fn plugin(app: &mut App) {
@@ -40,8 +40,8 @@ pub struct OpenScene {
     pub title: String,
     /// Its place in [`presets::ALL`], if it is one of them.
     pub preset: Option<usize>,
-    /// The middle of its particles and the radius around it that holds them, m.
-    pub bounds: (Vec3, f32),
+    /// The room that it takes.
+    pub bounds: Bounds,
     root: Entity,
 }
 
@@ -70,7 +70,7 @@ impl Command for LayOut {
         let spawned: SpawnedScene = self.scene.spawn(&mut world.commands());
         world.flush();
         let root = world.spawn(spawned).id();
-        let bounds = bounds(&self.scene);
+        let bounds = Bounds::of(&self.scene);
         let Self { title, preset, .. } = self;
         world.insert_resource(OpenScene { title, preset, bounds, root });
         // None of the new entities has a past to return to: this only sets the clock of ticks to zero.
@@ -85,21 +85,33 @@ fn open_first_scene(first: Res<FirstScene>, mut time: ResMut<Time<Virtual>>, mut
     commands.queue(layout);
 }
 
-/// The middle of a scene, which is where it hangs if it does, and the radius around it.
-fn bounds(scene: &MassSpringScene) -> (Vec3, f32) {
-    let positions = || scene.particles.iter().map(|particle| particle.position);
-    let least = positions().reduce(Vec3::min).unwrap_or_default();
-    let most = positions().reduce(Vec3::max).unwrap_or_default();
-    let mut middle = least.midpoint(most);
-    let pinned: Vec<f32> = scene
-        .particles
-        .iter()
-        .filter(|particle| particle.pinned)
-        .map(|particle| particle.position.x)
-        .collect();
-    if !pinned.is_empty() {
-        middle.x = pinned.iter().sum::<f32>() / pinned.len() as f32;
+/// The room that a scene takes, in m.
+#[derive(Debug, Clone, Copy)]
+pub struct Bounds {
+    /// The middle of its particles, or what they hang from sideways.
+    pub middle: Vec3,
+    /// The distance from there to the end of the farthest particle.
+    pub radius: f32,
+    /// The height of the highest particle above the origin.
+    pub top: f32,
+}
+
+impl Bounds {
+    fn of(scene: &MassSpringScene) -> Self {
+        let positions = || scene.particles.iter().map(|particle| particle.position);
+        let least = positions().reduce(Vec3::min).unwrap_or_default();
+        let most = positions().reduce(Vec3::max).unwrap_or_default();
+        let mut middle = least.midpoint(most);
+        let pinned: Vec<f32> = scene
+            .particles
+            .iter()
+            .filter(|particle| particle.pinned)
+            .map(|particle| particle.position.x)
+            .collect();
+        if !pinned.is_empty() {
+            middle.x = pinned.iter().sum::<f32>() / pinned.len() as f32;
+        }
+        let reach = |particle: &SceneParticle| middle.distance(particle.position) + particle.radius;
+        Self { middle, radius: scene.particles.iter().map(reach).fold(0.0, f32::max), top: most.y }
     }
-    let radius = scene.particles.iter().map(|particle| particle.radius).fold(0.0, f32::max);
-    (middle, 0.5 * least.distance(most) + radius)
 }

@@ -158,12 +158,15 @@ fn draw_scene_section(
     let mut edited = *plan;
     let mut push = false;
     egui::Grid::new("chain").num_columns(2).min_col_width(92.0).show(&mut ui, |ui| {
-        if scene.preset == Some(presets::CHAIN) {
+        let rebuilds = scene.preset == Some(presets::CHAIN);
+        let initial =
+            |quantity: &str| if rebuilds { format!("initial {quantity}") } else { quantity.to_owned() };
+        if rebuilds {
             ui.label("particles");
             ui.add(egui::Slider::new(&mut edited.particles, 2..=200).logarithmic(true));
             ui.end_row();
         }
-        ui.label("initial velocity");
+        ui.label(initial("velocity"));
         ui.horizontal(|ui| {
             for value in edited.velocity.as_mut() {
                 ui.add(egui::DragValue::new(value).speed(0.05).range(-50.0..=50.0).max_decimals(2));
@@ -171,7 +174,7 @@ fn draw_scene_section(
             ui.label("m/s");
         });
         ui.end_row();
-        ui.label("initial spin");
+        ui.label(initial("spin"));
         ui.horizontal(|ui| {
             ui.spacing_mut().slider_width = 64.0;
             ui.add(egui::Slider::new(&mut edited.spin, -15.0..=15.0).suffix(" rad/s"));
@@ -181,7 +184,7 @@ fn draw_scene_section(
         ui.end_row();
     });
     if push {
-        let pivot = anchors.iter().next().map_or(scene.bounds.0, |anchor| anchor.translation);
+        let pivot = anchors.iter().next().map_or(scene.bounds.middle, |anchor| anchor.translation);
         for (mut velocity, transform) in &mut velocities {
             velocity.0 += edited.velocity_at(transform.translation - pivot);
         }

@@ -56,7 +56,7 @@ pub const ALL: [Preset; 6] = [
     },
     Preset {
         name: "Two masses",
-        question: "1 kg meets 4 kg without gravity (g): the light one is thrown back, momentum is kept.",
+        question: "1 kg meets 4 kg without gravity: the light one is thrown back, momentum is kept.",
         viscosity_acts: false,
         build: two_masses,
     },
@@ -154,7 +154,7 @@ fn free_fall() -> MassSpringScene {
 fn one_spring() -> MassSpringScene {
     MassSpringScene {
         environment: medium(0.2),
-        particles: vec![pinned([0.0, 2.6, 0.0], 0.08), ball([0.0, 1.6, 0.0], 1.0, 0.15)],
+        particles: vec![pinned([0.0, 2.6, 0.0], 0.08), ball([0.0, 1.35, 0.0], 1.0, 0.15)],
         springs: vec![link(0, 1, 0.8, 60.0, 0.2)],
         planes: ground(0.5),
         ..default()

@@ -11,8 +11,8 @@ use bevy_mass_spring::drag::ParticleDrag;
 use bevy_mass_spring::panel::MassSpringPanel;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin, PanOrbitCameraSystemSet};
 
-use super::OpenScene;
 use super::overlay::BAR_HEIGHT;
+use super::{Bounds, OpenScene};
 
 /// The colour of the distance.
 pub const BACKGROUND: Color = Color::srgb(0.70, 0.77, 0.84);
@@ -83,10 +83,10 @@ fn spawn_light(mut commands: Commands) {
 
 /// Points the camera at a scene that was opened, from as far as it needs to see it and the ground.
 fn frame_scene(scene: Res<OpenScene>, mut camera: Single<&mut PanOrbitCamera>) {
-    let (middle, radius) = scene.bounds;
-    let top = (middle.y + radius).max(1.0);
+    let Bounds { middle, radius, top } = scene.bounds;
+    let top = (1.13 * top).max(1.0); // with some air above
     let focus = Vec3::new(middle.x, 0.49 * top, middle.z);
-    let distance = 1.33 * top.max(2.2 * radius).max(1.5);
+    let distance = (1.33 * top).max(2.4 * radius).max(2.0);
     (camera.focus, camera.target_focus) = (focus, focus);
     (camera.radius, camera.target_radius) = (Some(distance), distance);
     camera.force_update = true;
