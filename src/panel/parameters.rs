@@ -5,10 +5,10 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy_egui::egui::{self, DragValue, Ui};
 
-use super::widgets::{Scale, TEXT_SIZE, parameter, row};
+use super::widgets::{Scale, TEXT_SIZE, parameter, row, slider};
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
-use crate::particle::Particle;
+use crate::particle::{Particle, Pinned};
 use crate::settings::{Integrator, SolverSettings, Substeps};
 use crate::spring::Spring;
 
@@ -25,17 +25,10 @@ pub(super) fn draw_environment(mut ui: InMut<Ui>, mut environment: ResMut<Enviro
         });
     });
     row(&mut ui, "viscosity", |ui| {
-        ui.checkbox(&mut edited.viscosity_enabled, "acts").on_hover_text("key v");
-    });
-    ui.add_enabled_ui(edited.viscosity_enabled, |ui| {
-        parameter(
-            ui,
-            "   of the medium",
-            "N·s/m",
-            &mut edited.viscosity,
-            0.0..=10.0,
-            Scale::Logarithmic(1e-3),
-        );
+        ui.checkbox(&mut edited.viscosity_enabled, "").on_hover_text("key v");
+        ui.add_enabled_ui(edited.viscosity_enabled, |ui| {
+            slider(ui, "N·s/m", &mut edited.viscosity, 0.0..=10.0, Scale::Logarithmic(1e-3));
+        });
     });
     environment.set_if_neq(edited);
 }
@@ -43,16 +36,17 @@ pub(super) fn draw_environment(mut ui: InMut<Ui>, mut environment: ResMut<Enviro
 /// Mass and radius of all particles; stiffness, damping and rest length of all springs.
 pub(super) fn draw_matter(
     mut ui: InMut<Ui>,
-    mut particles: Query<&mut Particle>,
+    mut particles: Query<(&mut Particle, Has<Pinned>)>,
     mut springs: Query<&mut Spring>,
 ) {
-    if let Some(first) = particles.iter().next().copied() {
-        let uniform = particles.iter().all(|particle| *particle == first);
+    let free = || particles.iter().filter(|(_, pinned)| !pinned).map(|(particle, _)| *particle);
+    if let Some(first) = free().next().or_else(|| particles.iter().next().map(|(particle, _)| *particle)) {
+        let uniform = free().all(|particle| particle == first);
         let mut edited = first;
         parameter(&mut ui, "mass", "kg", &mut edited.mass, 0.001..=100.0, Scale::Logarithmic(1e-3));
         parameter(&mut ui, "radius", "m", &mut edited.radius, 0.0..=0.5, Scale::Logarithmic(1e-2));
         note_mixture(&mut ui, uniform, "particles differ: the first is shown");
-        for mut particle in &mut particles {
+        for (mut particle, _) in &mut particles {
             copy_if_edited(&mut particle, |particle| &mut particle.mass, first.mass, edited.mass);
             copy_if_edited(&mut particle, |particle| &mut particle.radius, first.radius, edited.radius);
         }

@@ -2,12 +2,16 @@
 
 use bevy::prelude::*;
 use bevy_egui::egui::{self, Color32, Ui};
-use egui_plot::{AxisHints, HLine, Line, Plot, PlotPoints};
+use egui_plot::{AxisHints, GridInput, HLine, Line, Plot, PlotPoints, Points};
+
+use crate::spring::Spring;
 
 use super::history::{EnergySample, History, SECONDS};
 use super::widgets::{TEXT_SIZE, number};
 
-const HEIGHT: f32 = 104.0;
+const HEIGHT: f32 = 92.0;
+/// Up to this many springs are marked one by one.
+const MARKED_SPRINGS: usize = 40;
 /// Beyond this magnitude a value is not plotted: egui's arithmetic on pixels is in f32.
 const LARGEST: f64 = 1e30;
 
@@ -45,27 +49,29 @@ pub(super) fn draw_energy(mut ui: InMut<Ui>, history: Res<History>) {
         });
 }
 
-/// The tension of each spring at the last tick.
-pub(super) fn draw_tension(mut ui: InMut<Ui>, history: Res<History>) {
+/// The tension of each spring at the last tick; nothing where there are no springs.
+pub(super) fn draw_tension(mut ui: InMut<Ui>, history: Res<History>, springs: Query<(), With<Spring>>) {
+    if springs.is_empty() {
+        return;
+    }
     title(&mut ui, "Tension (N) along the springs");
-    plain_plot("tension")
-        .x_grid_spacer(egui_plot::uniform_grid_spacer(|input| {
-            // Springs are counted: no marks between two of them.
-            let step = (input.base_step_size.log10().ceil().max(0.0) as i32, 10.0f64);
-            let unit = step.1.powi(step.0);
-            [100.0 * unit, 10.0 * unit, unit]
-        }))
-        .show(&mut ui, |plot| {
-            let points: PlotPoints =
-                history.tension.iter().copied().filter(|point| point[1].abs() < LARGEST).collect();
-            plot.hline(HLine::new("", 0.0).color(Color32::from_gray(90)).width(1.0));
-            plot.line(
-                Line::new("tension", points)
-                    .color(Color32::from_rgb(240, 190, 90))
-                    .fill(0.0)
-                    .fill_alpha(0.15),
-            );
-        });
+    let points = || -> PlotPoints {
+        history.tension.iter().copied().filter(|point| point[1].abs() < LARGEST).collect()
+    };
+    let color = Color32::from_rgb(240, 190, 90);
+    plain_plot("tension").x_grid_spacer(egui_plot::uniform_grid_spacer(whole_steps)).show(&mut ui, |plot| {
+        plot.hline(HLine::new("", 0.0).color(Color32::from_gray(90)).width(1.0));
+        plot.line(Line::new("tension", points()).color(color).fill(0.0).fill_alpha(0.15));
+        if history.tension.len() <= MARKED_SPRINGS {
+            plot.points(Points::new("tension", points()).color(color).radius(2.0));
+        }
+    });
+}
+
+/// Springs are counted: no grid line stands between two of them.
+fn whole_steps(input: GridInput) -> [f64; 3] {
+    let least = 10.0f64.powf(input.base_step_size.log10().ceil().max(0.0));
+    [100.0 * least, 10.0 * least, least]
 }
 
 fn title(ui: &mut Ui, text: &str) {

@@ -35,23 +35,32 @@ pub(super) fn parameter(
     range: RangeInclusive<f32>,
     scale: Scale,
 ) -> Response {
-    row(ui, name, |ui| {
-        let least = *range.start();
-        let most = if unit.is_empty() { *range.end() } else { f32::MAX };
-        let mut slider = Slider::from_get_set(f64::from(least)..=f64::from(*range.end()), |new| {
-            if let Some(new) = new.filter(|new| new.is_finite()) {
-                *value = (new as f32).clamp(least, most);
-            }
-            f64::from(*value)
-        });
-        if let Scale::Logarithmic(smallest) = scale {
-            slider = slider.logarithmic(true).smallest_positive(smallest);
+    row(ui, name, |ui| slider(ui, unit, value, range, scale))
+}
+
+/// The slider of a [`parameter`], without the name.
+pub(super) fn slider(
+    ui: &mut Ui,
+    unit: &str,
+    value: &mut f32,
+    range: RangeInclusive<f32>,
+    scale: Scale,
+) -> Response {
+    let least = *range.start();
+    let most = if unit.is_empty() { *range.end() } else { f32::MAX };
+    let mut slider = Slider::from_get_set(f64::from(least)..=f64::from(*range.end()), |new| {
+        if let Some(new) = new.filter(|new| new.is_finite()) {
+            *value = (new as f32).clamp(least, most);
         }
-        if !unit.is_empty() {
-            slider = slider.suffix(format!(" {unit}"));
-        }
-        ui.add(slider.clamping(SliderClamping::Never).custom_formatter(|value, _| number(value)))
-    })
+        f64::from(*value)
+    });
+    if let Scale::Logarithmic(smallest) = scale {
+        slider = slider.logarithmic(true).smallest_positive(smallest);
+    }
+    if !unit.is_empty() {
+        slider = slider.suffix(format!(" {unit}"));
+    }
+    ui.add(slider.clamping(SliderClamping::Never).custom_formatter(|value, _| number(value)))
 }
 
 /// A line with a name at the left and something at the right, at the same place in each line.

@@ -12,8 +12,8 @@ use bevy_mass_spring::prelude::*;
 const STEPS: usize = 33;
 /// Steps of the colour of balls, by mass.
 const MASS_STEPS: usize = 9;
-/// The |l − l0| / l0 that has the full colour.
-const FULL_STRETCH: f32 = 0.08;
+/// The |l − l0| / l0 that has half of the full colour.
+const HALF_STRETCH: f32 = 0.06;
 /// Balls are drawn at least this large, m: a radius of 0 is a point.
 const LEAST_RADIUS: f32 = 0.012;
 /// What is farther out than this, in m, has left the picture for good.
@@ -110,8 +110,10 @@ impl Looks {
 
     fn link(&self, spring: &Spring, length: f32) -> &Handle<StandardMaterial> {
         let unit = if spring.rest_length > 0.0 { spring.rest_length } else { 1.0 };
-        let stretch = ((length - spring.rest_length) / (unit * FULL_STRETCH)).clamp(-1.0, 1.0);
-        &self.links[(0.5 * (stretch + 1.0) * (STEPS - 1) as f32).round() as usize]
+        let stretch = (length - spring.rest_length) / unit;
+        // Stiff and soft springs alike show a change: the full colour is never quite reached.
+        let share = 0.5 * (1.0 + stretch / (stretch.abs() + HALF_STRETCH));
+        &self.links[((share * (STEPS - 1) as f32).round() as usize).min(STEPS - 1)]
     }
 }
 

@@ -40,7 +40,7 @@ pub struct OpenScene {
     pub title: String,
     /// Its place in [`presets::ALL`], if it is one of them.
     pub preset: Option<usize>,
-    /// The middle of its particles and the radius of the sphere around them, m.
+    /// The middle of its particles and the radius around it that holds them, m.
     pub bounds: (Vec3, f32),
     root: Entity,
 }
@@ -73,6 +73,8 @@ impl Command for LayOut {
         let bounds = bounds(&self.scene);
         let Self { title, preset, .. } = self;
         world.insert_resource(OpenScene { title, preset, bounds, root });
+        // None of the new entities has a past to return to: this only sets the clock of ticks to zero.
+        RestoreInitialState.apply(world);
     }
 }
 
@@ -83,10 +85,21 @@ fn open_first_scene(first: Res<FirstScene>, mut time: ResMut<Time<Virtual>>, mut
     commands.queue(layout);
 }
 
+/// The middle of a scene, which is where it hangs if it does, and the radius around it.
 fn bounds(scene: &MassSpringScene) -> (Vec3, f32) {
     let positions = || scene.particles.iter().map(|particle| particle.position);
     let least = positions().reduce(Vec3::min).unwrap_or_default();
     let most = positions().reduce(Vec3::max).unwrap_or_default();
+    let mut middle = least.midpoint(most);
+    let pinned: Vec<f32> = scene
+        .particles
+        .iter()
+        .filter(|particle| particle.pinned)
+        .map(|particle| particle.position.x)
+        .collect();
+    if !pinned.is_empty() {
+        middle.x = pinned.iter().sum::<f32>() / pinned.len() as f32;
+    }
     let radius = scene.particles.iter().map(|particle| particle.radius).fold(0.0, f32::max);
-    (least.midpoint(most), 0.5 * least.distance(most) + radius)
+    (middle, 0.5 * least.distance(most) + radius)
 }

@@ -156,6 +156,7 @@ fn draw_scene_section(
         return;
     }
     let mut edited = *plan;
+    let mut push = false;
     egui::Grid::new("chain").num_columns(2).min_col_width(92.0).show(&mut ui, |ui| {
         if scene.preset == Some(presets::CHAIN) {
             ui.label("particles");
@@ -171,10 +172,15 @@ fn draw_scene_section(
         });
         ui.end_row();
         ui.label("initial spin");
-        ui.add(egui::Slider::new(&mut edited.spin, -15.0..=15.0).suffix(" rad/s"));
+        ui.horizontal(|ui| {
+            ui.spacing_mut().slider_width = 64.0;
+            ui.add(egui::Slider::new(&mut edited.spin, -15.0..=15.0).suffix(" rad/s"));
+            let button = ui.button("Push");
+            push |= button.on_hover_text("adds velocity and spin to all free particles now").clicked();
+        });
         ui.end_row();
     });
-    if ui.button("Push now").on_hover_text("adds velocity and spin to all free particles").clicked() {
+    if push {
         let pivot = anchors.iter().next().map_or(scene.bounds.0, |anchor| anchor.translation);
         for (mut velocity, transform) in &mut velocities {
             velocity.0 += edited.velocity_at(transform.translation - pivot);

@@ -85,8 +85,8 @@ fn spawn_light(mut commands: Commands) {
 fn frame_scene(scene: Res<OpenScene>, mut camera: Single<&mut PanOrbitCamera>) {
     let (middle, radius) = scene.bounds;
     let top = (middle.y + radius).max(1.0);
-    let focus = Vec3::new(0.5 * middle.x, 0.52 * top, middle.z);
-    let distance = 1.25 * top.max(1.5 * radius).max(2.0);
+    let focus = Vec3::new(middle.x, 0.49 * top, middle.z);
+    let distance = 1.33 * top.max(2.2 * radius).max(1.5);
     (camera.focus, camera.target_focus) = (focus, focus);
     (camera.radius, camera.target_radius) = (Some(distance), distance);
     camera.force_update = true;
