@@ -1,5 +1,6 @@
 //! The spring between two particles.
 
+use bevy::ecs::entity::MapEntities;
 use bevy::prelude::*;
 
 use crate::parameter::{self, InvalidParameter};
@@ -14,7 +15,7 @@ use crate::parameter::{self, InvalidParameter};
 ///
 /// A spring whose particles do not exist or whose values are bad is left out of the simulation, with
 /// one warning that names it, until it is mended.
-#[derive(Component, Reflect, Debug, Clone, Copy, PartialEq)]
+#[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
 pub struct Spring {

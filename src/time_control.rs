@@ -19,6 +19,7 @@ use bevy::prelude::*;
 /// }
 /// ```
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
 pub struct SingleStep {
     requested: u32,

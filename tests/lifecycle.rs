@@ -250,3 +250,17 @@ fn everything_may_be_despawned() {
     assert_eq!((report(&app).particles, report(&app).springs), (0, 0));
     assert_eq!(report(&app).faults, 0);
 }
+
+/// A spring that is copied into another world follows its particles there.
+#[test]
+fn the_ends_of_a_spring_are_mapped() {
+    use bevy::ecs::entity::{EntityHashMap, MapEntities};
+
+    let mut world = World::new();
+    let [old_first, old_second, new_first, new_second] = std::array::from_fn(|_| world.spawn_empty().id());
+    let mut spring = Spring::new(old_first, old_second, 1.0);
+    let mut new_of: EntityHashMap<Entity> =
+        [(old_first, new_first), (old_second, new_second)].into_iter().collect();
+    spring.map_entities(&mut new_of);
+    assert_eq!(spring, Spring::new(new_first, new_second, 1.0));
+}
