@@ -14,7 +14,7 @@ use super::grid::Grid;
 const THIN_SKIN: f32 = 0.25;
 
 /// The thickest, for particles that move fast.
-const THICK_SKIN: f32 = 1.0;
+const THICK_SKIN: f32 = 1.5;
 
 /// What is remembered of a pair from substep to substep: the impulses that held it apart.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -44,13 +44,13 @@ pub(super) struct Candidates {
     stale: bool,
 }
 
-/// The particles in the order of their heights.
+/// Working space of the sorting by height.
 #[derive(Debug, Clone, Default)]
 struct Heights {
-    order: Vec<u32>,
-    rank: Vec<u32>,
-    /// Where the pairs of each rank begin.
-    starts: Vec<u32>,
+    /// The particles that are the lower one of a pair, from the bottom up.
+    lowers: Vec<u32>,
+    /// Where the pairs of each lower particle go; at first how many there are.
+    next: Vec<u32>,
 }
 
 /// The pairs before a rebuild, from which the memories are carried over.
@@ -195,47 +195,38 @@ impl Candidates {
         }
     }
 
-    /// Lists the pairs by the height of their lower particle: linear but for the sorting of particles.
+    /// Lists the pairs by the height of their lower particle.
     fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
-        self.bottom_up.clear();
-        if self.others.is_empty() {
-            return;
-        }
-        let Heights { order, rank, starts } = &mut self.heights;
+        let Self { starts, others, bottom_up, heights: Heights { lowers, next }, .. } = self;
+        bottom_up.clear();
+        bottom_up.resize(others.len(), (0, 0, 0));
+        let (starts, others) = (&*starts, &*others);
         let height = |slot: u32| particles.position.get(slot as usize).dot(up);
-        if order.len() != particles.len() {
-            order.clear();
-            order.extend(0..particles.len() as u32);
-        }
-        // Nearly sorted from the last time, which the standard library's sort is quick at.
-        order.sort_by(|one, other| height(*one).total_cmp(&height(*other)).then(one.cmp(other)));
-        rank.resize(order.len(), 0);
-        for (position, slot) in order.iter().enumerate() {
-            rank[*slot as usize] = position as u32;
-        }
-        starts.clear();
-        starts.resize(order.len() + 1, 0);
-        let (pair_starts, others) = (&self.starts, &self.others);
         let pairs = || {
-            pair_starts.windows(2).enumerate().flat_map(|(a, bounds)| {
+            starts.windows(2).enumerate().flat_map(|(a, bounds)| {
                 (bounds[0]..bounds[1]).map(move |pair| (a as u32, others[pair as usize], pair))
             })
         };
+        let sorted = |a: u32, b: u32| if height(b) < height(a) { (b, a) } else { (a, b) };
+
+        next.clear();
+        next.resize(particles.len(), 0);
         for (a, b, _) in pairs() {
-            starts[rank[a as usize].min(rank[b as usize]) as usize] += 1;
+            next[sorted(a, b).0 as usize] += 1;
         }
+        lowers.clear();
+        lowers.extend((0..particles.len() as u32).filter(|slot| next[*slot as usize] > 0));
+        lowers.sort_by(|one, other| height(*one).total_cmp(&height(*other)));
         let mut total = 0;
-        for start in &mut *starts {
-            total += *start;
-            *start = total;
+        for &lower in &*lowers {
+            let count = std::mem::replace(&mut next[lower as usize], total);
+            total += count;
         }
-        self.bottom_up.resize(self.others.len(), (0, 0, 0));
         for (a, b, pair) in pairs() {
-            let (rank_a, rank_b) = (rank[a as usize], rank[b as usize]);
-            let (lower, upper) = if rank_a < rank_b { (a, b) } else { (b, a) };
-            let start = &mut starts[rank_a.min(rank_b) as usize];
-            *start -= 1;
-            self.bottom_up[*start as usize] = (lower, upper, pair);
+            let (lower, upper) = sorted(a, b);
+            let place = &mut next[lower as usize];
+            bottom_up[*place as usize] = (lower, upper, pair);
+            *place += 1;
         }
     }
 

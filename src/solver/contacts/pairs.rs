@@ -82,14 +82,15 @@ pub(super) fn find(
     rebound: Rebound,
     found: &mut Vec<PairContact>,
 ) {
-    let touching = candidates.bottom_up().filter_map(|(second, first, pair)| {
+    found.clear();
+    for (second, first, pair) in candidates.bottom_up() {
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let squared = separation.length_squared();
         let most = reach + rebound.slop;
         if squared > most * most || squared.is_nan() {
-            return None;
+            continue;
         }
         let distance = squared.sqrt();
         let normal = direction(separation, distance);
@@ -101,9 +102,9 @@ pub(super) fn find(
         let target_velocity = rebound.least_velocity_after(approach);
         let resting = target_velocity == 0.0 && approach.velocity.abs() < 2.0 * rebound.resting_speed;
         if distance > reach && !resting {
-            return None;
+            continue;
         }
-        Some(PairContact {
+        found.push(PairContact {
             first,
             second,
             pair,
@@ -113,10 +114,8 @@ pub(super) fn find(
             impulses: candidates.memory(pair),
             resting,
             supports: false,
-        })
-    });
-    found.clear();
-    found.extend(touching);
+        });
+    }
     candidates.forget_all();
 }
 
