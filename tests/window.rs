@@ -188,6 +188,13 @@ impl Viewer {
         balls.into_iter().map(|(entity, transform, ..)| (entity, transform.translation)).collect()
     }
 
+    /// Position and velocity of each ball, for the picture between two ticks shows the former only in part.
+    fn seen(&mut self) -> Vec<(Vec3, Vec3)> {
+        let balls = self.balls();
+        let velocity = |ball| self.app.world().get::<ParticleVelocity>(ball).expect("a particle").0;
+        balls.into_iter().map(|(ball, place)| (place, velocity(ball))).collect()
+    }
+
     fn place(&self, ball: Entity) -> Vec3 {
         self.app.world().get::<Transform>(ball).expect("a particle").translation
     }
@@ -299,6 +306,11 @@ fn keys_control() -> Outcome {
     assert_eq!(viewer.balls(), start, "nothing moves while paused");
     viewer.tap(KeyCode::Space);
     assert_eq!(viewer.resource::<TickReport>().tick, 1, "one step");
+    let after_a_tick = viewer.seen();
+    viewer.tap(KeyCode::Home);
+    assert_eq!(viewer.balls(), start, "restarted after one step");
+    viewer.tap(KeyCode::Space);
+    assert_eq!(viewer.seen(), after_a_tick, "the same step again");
     viewer.tap(KeyCode::Enter);
     viewer.run(60);
     assert_ne!(viewer.balls(), start);

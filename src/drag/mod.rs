@@ -27,7 +27,7 @@ use crate::MassSpringSystems;
 /// the pointer.
 ///
 /// What is under the pointer and in its grip is published as [`ParticleDrag`], where
-/// [`MassSpringGizmosPlugin`](https://docs.rs/bevy_mass_spring) finds it to draw a ring. Anything that
+/// `MassSpringGizmosPlugin` (feature `gizmos`) finds it to draw a ring. Anything that
 /// covers the scene for Bevy's picking, such as an egui panel, covers the particles as well.
 ///
 /// Add it after `DefaultPlugins`. In an app without Bevy's picking it does nothing.

@@ -52,6 +52,7 @@ impl InitialParticle {
         if let Some(mut transform) = entity.get_mut::<Transform>() {
             transform.translation = self.translation;
         }
+        forget_easing(entity);
         match self.force {
             Some(force) => entity.insert(force),
             None => entity.remove::<AppliedForce>(),
@@ -63,6 +64,20 @@ impl InitialParticle {
         entity.remove::<Quarantined>();
     }
 }
+
+/// Lets interpolation begin anew from the restored place.
+///
+/// It would take a place that equals the start of the last tick for its own doing, not for a change,
+/// and put the end of that tick in its stead when the next one begins.
+#[cfg(feature = "interpolation")]
+fn forget_easing(entity: &mut EntityWorldMut) {
+    if let Some(mut easing) = entity.get_mut::<bevy_transform_interpolation::TranslationEasingState>() {
+        (easing.start, easing.end) = (None, None);
+    }
+}
+
+#[cfg(not(feature = "interpolation"))]
+fn forget_easing(_entity: &mut EntityWorldMut) {}
 
 /// See [`TakeInitialState`](crate::snapshot::TakeInitialState).
 pub(crate) fn take_initial_state(world: &mut World) {
