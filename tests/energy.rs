@@ -176,7 +176,7 @@ fn a_damped_spring_loses_its_energy() {
     for scheme in Scheme::ALL {
         let mut state = oscillator();
         // ζ = c / (2 √(k m)) = 1/8, hω = 1/64: e^(−2ζωt) is below 1e-6 after ωt = 56, 3584 steps.
-        state.springs.damping[0] = 4.0;
+        state.springs.set_parameters(0, 0.0, STIFFNESS, 4.0);
         let settings = StepSettings { time_step: STEP / 16.0, ..settings(scheme) };
         let total = |state: &SolverState| {
             let totals = energy::totals(state, Vec3::ZERO);

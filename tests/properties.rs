@@ -74,7 +74,7 @@ fn bounds(state: &SolverState) -> FrequencyBounds {
     let springs = &state.springs;
     let listed = (0..springs.len()).map(|index| {
         let (first, second) = springs.ends(index);
-        (first, second, springs.stiffness[index], springs.damping[index])
+        (first, second, springs.stiffness()[index], springs.damping()[index])
     });
     FrequencyBounds::of(&state.particles.inverse_mass, listed, 0.0)
 }
@@ -94,9 +94,9 @@ fn sum_of_pulls(state: &SolverState) -> f64 {
         };
         let (separation, velocity) = (of(&state.particles.position), of(&state.particles.velocity));
         let length = separation.length();
-        let elongation = (length - f64::from(state.springs.rest_length[index])).abs();
-        let damping = f64::from(state.springs.damping[index]) * velocity.length();
-        f64::from(state.springs.stiffness[index]) * elongation + damping
+        let elongation = (length - f64::from(state.springs.rest_length()[index])).abs();
+        let damping = f64::from(state.springs.damping()[index]) * velocity.length();
+        f64::from(state.springs.stiffness()[index]) * elongation + damping
     };
     (0..state.springs.len()).map(pull).sum()
 }

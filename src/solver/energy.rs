@@ -55,9 +55,9 @@ fn add_springs(state: &SolverState, totals: &mut Totals) {
         let (first, second) = springs.ends(index);
         let position = &state.particles.position;
         let separation = position.get(first).as_dvec3() - position.get(second).as_dvec3();
-        let rest_length = f64::from(springs.rest_length[index]);
+        let rest_length = f64::from(springs.rest_length()[index]);
         let elongation = separation.length() - rest_length;
-        totals.elastic_energy += 0.5 * f64::from(springs.stiffness[index]) * elongation * elongation;
+        totals.elastic_energy += 0.5 * f64::from(springs.stiffness()[index]) * elongation * elongation;
         if rest_length > 0.0 {
             let stretch = elongation.abs() / rest_length;
             totals.max_stretch = totals.max_stretch.max(stretch);

@@ -1,7 +1,12 @@
 //! The forces on particles, one function each, and Newton's second law.
+//!
+//! [`accelerations`] takes the springs one after the other, as one would write it first. The steps take
+//! [`evaluate`], which does the same by the kernel: eight at a time, and on all threads.
 
 use bevy::math::Vec3;
 
+use super::blocks;
+use super::kernel::{self, Motion, Target};
 use super::particles::{Particles, Vectors};
 use super::springs::Springs;
 
@@ -36,9 +41,24 @@ pub fn accelerations(
 }
 
 /// Evaluates the forces at the present state of `particles`, into their `acceleration`.
-pub fn evaluate(particles: &mut Particles, springs: &Springs, field: Field) {
+///
+/// The sum of the forces on a particle is rounded in another order than by [`accelerations`], always
+/// the same.
+pub fn evaluate(particles: &mut Particles, springs: &mut Springs, field: Field) {
+    springs.prepare(particles.len());
     let Particles { position, velocity, applied_force, acceleration, inverse_mass, .. } = particles;
-    accelerations(applied_force, inverse_mass, springs, field, position, velocity, acceleration);
+    let motion = Motion {
+        position: position.axes(),
+        velocity: velocity.axes(),
+        applied_force: applied_force.axes(),
+        inverse_mass,
+    };
+    let batches = springs.batches();
+    let size = batches.block_size;
+    let parts = batches.blocks.iter().zip(acceleration.chunks_mut(size)).enumerate();
+    blocks::for_each(parts, batches.are_worth_sharing(), |(number, (block, acceleration))| {
+        kernel::accelerate(block, motion, field, &mut Target { start: number * size, acceleration });
+    });
 }
 
 /// Adds −ν v, the drag of the medium.
@@ -64,41 +84,24 @@ pub fn spring_force(
     damping: f32,
 ) -> Vec3 {
     let length = separation.length();
-    if length == 0.0 {
-        return Vec3::ZERO;
-    }
-    let direction = separation / length;
+    let direction = separation * if length == 0.0 { 0.0 } else { 1.0 / length };
     let tension = stiffness * (length - rest_length) + damping * relative_velocity.dot(direction);
     direction * -tension
 }
 
 /// Adds the force of every spring, equal and opposite on its two ends.
 fn add_spring_forces(springs: &Springs, position: &Vectors, velocity: &Vectors, force: &mut Vectors) {
-    // Slices of one known length, so that one bounds check serves all arrays.
-    let count = position.len();
-    let [position_x, position_y, position_z] = position.axes().map(|axis| &axis[..count]);
-    let [velocity_x, velocity_y, velocity_z] = velocity.axes().map(|axis| &axis[..count]);
-    let [force_x, force_y, force_z] = force.axes_mut().map(|axis| &mut axis[..count]);
-    let difference = |x: &[f32], y: &[f32], z: &[f32], first: usize, second: usize| {
-        Vec3::new(x[first] - x[second], y[first] - y[second], z[first] - z[second])
-    };
-    let parameters = springs.rest_length.iter().zip(&springs.stiffness).zip(&springs.damping);
-    let ends = springs.first.iter().zip(&springs.second);
-    for ((&first, &second), ((&rest_length, &stiffness), &damping)) in ends.zip(parameters) {
-        let (first, second) = (first as usize, second as usize);
+    for spring in 0..springs.len() {
+        let (first, second) = springs.ends(spring);
         let pull = spring_force(
-            difference(position_x, position_y, position_z, first, second),
-            difference(velocity_x, velocity_y, velocity_z, first, second),
-            rest_length,
-            stiffness,
-            damping,
+            position.get(first) - position.get(second),
+            velocity.get(first) - velocity.get(second),
+            springs.rest_length()[spring],
+            springs.stiffness()[spring],
+            springs.damping()[spring],
         );
-        force_x[first] += pull.x;
-        force_y[first] += pull.y;
-        force_z[first] += pull.z;
-        force_x[second] -= pull.x;
-        force_y[second] -= pull.y;
-        force_z[second] -= pull.z;
+        force.add(first, pull);
+        force.add(second, -pull);
     }
 }
 
@@ -146,7 +149,7 @@ mod tests {
         particles.push(Vec3::new(-0.4, 0.2, 0.9), Vec3::new(-1.0, 0.3, 0.2), 1.0, 0.0);
         let mut springs = Springs::default();
         springs.push(0, 1, 0.3, 123.4, 5.6);
-        evaluate(&mut particles, &springs, Field { gravity: Vec3::ZERO, viscosity: 0.0 });
+        evaluate(&mut particles, &mut springs, Field { gravity: Vec3::ZERO, viscosity: 0.0 });
         assert_eq!(particles.acceleration.get(0), -particles.acceleration.get(1));
         assert!(particles.acceleration.get(0).length() > 1.0);
     }
@@ -156,7 +159,7 @@ mod tests {
         let mut particles = Particles::default();
         particles.push(Vec3::ZERO, Vec3::new(2.0, 0.0, 0.0), 4.0, 0.0);
         particles.applied_force.set(0, Vec3::new(0.0, 0.0, 8.0));
-        evaluate(&mut particles, &Springs::default(), Field { viscosity: 6.0, ..FIELD });
+        evaluate(&mut particles, &mut Springs::default(), Field { viscosity: 6.0, ..FIELD });
         assert_eq!(particles.acceleration.get(0), Vec3::new(-3.0, -9.81, 2.0));
     }
 
@@ -165,7 +168,7 @@ mod tests {
         let mut particles = Particles::default();
         particles.push(Vec3::ZERO, Vec3::ONE, f32::INFINITY, 0.0);
         particles.applied_force.set(0, Vec3::ONE);
-        evaluate(&mut particles, &Springs::default(), Field { viscosity: 6.0, ..FIELD });
+        evaluate(&mut particles, &mut Springs::default(), Field { viscosity: 6.0, ..FIELD });
         assert_eq!(particles.acceleration.get(0), Vec3::ZERO);
     }
 }

@@ -27,10 +27,13 @@
 //! assert_eq!(state.particles.position.get(0).y, 10.0 - 0.5 * 9.81 * 0.25);
 //! ```
 
+mod batches;
+mod blocks;
 pub mod contacts;
 pub mod energy;
 pub mod forces;
 pub mod integrators;
+mod kernel;
 pub mod particles;
 pub mod springs;
 pub mod stability;

@@ -79,6 +79,12 @@ impl Vectors {
         [&mut self.x, &mut self.y, &mut self.z]
     }
 
+    /// The three arrays in pieces of `size` vectors, the last one shorter.
+    pub(super) fn chunks_mut(&mut self, size: usize) -> impl Iterator<Item = [&mut [f32]; 3]> {
+        let [x, y, z] = self.axes_mut().map(|axis| axis.chunks_mut(size));
+        x.zip(y).zip(z).map(|((x, y), z)| [x, y, z])
+    }
+
     fn axes_vec(&mut self) -> [&mut Vec<f32>; 3] {
         [&mut self.x, &mut self.y, &mut self.z]
     }

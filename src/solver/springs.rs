@@ -1,18 +1,17 @@
 //! Springs as a structure of arrays.
 
+use super::batches::Batches;
+
 /// The springs, one slot each.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub struct Springs {
-    /// Slot of the first particle of each spring.
-    pub first: Vec<u32>,
-    /// Slot of the second particle, different from the first.
-    pub second: Vec<u32>,
-    /// Rest lengths, m.
-    pub rest_length: Vec<f32>,
-    /// Stiffnesses, N/m.
-    pub stiffness: Vec<f32>,
-    /// Damping coefficients, N·s/m.
-    pub damping: Vec<f32>,
+    first: Vec<u32>,
+    second: Vec<u32>,
+    rest_length: Vec<f32>,
+    stiffness: Vec<f32>,
+    damping: Vec<f32>,
+    /// The same springs in the order in which the kernel takes them.
+    batches: Batches,
 }
 
 impl Springs {
@@ -33,21 +32,70 @@ impl Springs {
         self.rest_length.clear();
         self.stiffness.clear();
         self.damping.clear();
+        self.batches.invalidate();
     }
 
-    /// Appends a spring between the slots `first` and `second`: rest length in m, stiffness in N/m,
-    /// damping in N·s/m.
+    /// Appends a spring between the slots `first` and `second`, which differ: rest length in m,
+    /// stiffness in N/m, damping in N·s/m.
     pub fn push(&mut self, first: usize, second: usize, rest_length: f32, stiffness: f32, damping: f32) {
         self.first.push(first as u32);
         self.second.push(second as u32);
         self.rest_length.push(rest_length);
         self.stiffness.push(stiffness);
         self.damping.push(damping);
+        self.batches.invalidate();
+    }
+
+    /// Changes the parameters of spring `index`: rest length in m, stiffness in N/m, damping in N·s/m.
+    pub fn set_parameters(&mut self, index: usize, rest_length: f32, stiffness: f32, damping: f32) {
+        self.rest_length[index] = rest_length;
+        self.stiffness[index] = stiffness;
+        self.damping[index] = damping;
+        self.batches.set_parameters(index, [rest_length, stiffness, damping]);
     }
 
     /// The two ends of spring `index`.
     #[inline]
     pub fn ends(&self, index: usize) -> (usize, usize) {
         (self.first[index] as usize, self.second[index] as usize)
+    }
+
+    /// Slot of the first particle of each spring.
+    pub fn first(&self) -> &[u32] {
+        &self.first
+    }
+
+    /// Slot of the second particle of each spring.
+    pub fn second(&self) -> &[u32] {
+        &self.second
+    }
+
+    /// Rest lengths, m.
+    pub fn rest_length(&self) -> &[f32] {
+        &self.rest_length
+    }
+
+    /// Stiffnesses, N/m.
+    pub fn stiffness(&self) -> &[f32] {
+        &self.stiffness
+    }
+
+    /// Damping coefficients, N·s/m.
+    pub fn damping(&self) -> &[f32] {
+        &self.damping
+    }
+
+    /// Sorts the springs between `particles` particles into batches, if they are not yet.
+    pub(super) fn prepare(&mut self, particles: usize) {
+        let mut batches = std::mem::take(&mut self.batches);
+        if !batches.fit(particles) {
+            batches.build(self, particles);
+        }
+        self.batches = batches;
+    }
+
+    /// The springs in batches, as [`prepare`](Self::prepare) left them.
+    pub(super) fn batches(&self) -> &Batches {
+        &self.batches
     }
 }

@@ -198,9 +198,7 @@ fn copy_spring(spring: &Spring, slot: &Slot<Spring>, index: &Index, simulation: 
     if ends != spring.particles.map(Some) || spring.validate().is_err() {
         return false;
     }
-    springs.rest_length[slot] = spring.rest_length;
-    springs.stiffness[slot] = spring.stiffness;
-    springs.damping[slot] = spring.damping;
+    springs.set_parameters(slot, spring.rest_length, spring.stiffness, spring.damping);
     simulation.bounds_are_stale = true;
     true
 }

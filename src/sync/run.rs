@@ -142,7 +142,7 @@ fn bounds_of(simulation: &Simulation, viscosity: f32) -> FrequencyBounds {
     let springs = &simulation.state.springs;
     let listed = (0..springs.len()).map(|spring| {
         let (first, second) = springs.ends(spring);
-        (first, second, springs.stiffness[spring], springs.damping[spring])
+        (first, second, springs.stiffness()[spring], springs.damping()[spring])
     });
     FrequencyBounds::of(&simulation.state.particles.inverse_mass, listed, viscosity)
 }

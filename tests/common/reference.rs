@@ -41,9 +41,9 @@ impl Reference {
             springs: (0..springs.len())
                 .map(|spring| ReferenceSpring {
                     ends: springs.ends(spring).into(),
-                    rest_length: springs.rest_length[spring].into(),
-                    stiffness: springs.stiffness[spring].into(),
-                    damping: springs.damping[spring].into(),
+                    rest_length: springs.rest_length()[spring].into(),
+                    stiffness: springs.stiffness()[spring].into(),
+                    damping: springs.damping()[spring].into(),
                 })
                 .collect(),
             ..Self::default()

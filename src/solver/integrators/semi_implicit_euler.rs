@@ -5,18 +5,36 @@
 //! explicit scheme.
 
 use super::super::SolverState;
-use super::super::forces::{self, Field};
+use super::super::blocks;
+use super::super::forces::Field;
+use super::super::kernel::{self, Motion, Moved, Target};
 
+/// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
+/// want the old one.
 pub(super) fn advance(state: &mut SolverState, field: Field, substep: f32) {
-    let SolverState { particles, springs, .. } = state;
-    forces::evaluate(particles, springs, field);
-    let (positions, velocities) = (particles.position.axes_mut(), particles.velocity.axes_mut());
-    for ((position, velocity), acceleration) in
-        positions.into_iter().zip(velocities).zip(particles.acceleration.axes())
-    {
-        for ((position, velocity), acceleration) in position.iter_mut().zip(velocity).zip(acceleration) {
-            *velocity += substep * acceleration;
-            *position += substep * *velocity;
-        }
-    }
+    let SolverState { particles, springs, scratch, .. } = state;
+    springs.prepare(particles.len());
+    scratch.position.resize(particles.len());
+    scratch.velocity.resize(particles.len());
+    let motion = Motion {
+        position: particles.position.axes(),
+        velocity: particles.velocity.axes(),
+        applied_force: particles.applied_force.axes(),
+        inverse_mass: &particles.inverse_mass,
+    };
+    let batches = springs.batches();
+    let size = batches.block_size;
+    let moved = scratch.position.chunks_mut(size).zip(scratch.velocity.chunks_mut(size));
+    let written = particles.acceleration.chunks_mut(size).zip(moved);
+    let parts = batches.blocks.iter().zip(written).enumerate();
+    blocks::for_each(
+        parts,
+        batches.are_worth_sharing(),
+        |(number, (block, (acceleration, (position, velocity))))| {
+            let mut target = Target { start: number * size, acceleration };
+            kernel::advance(block, motion, field, substep, &mut target, &mut Moved { position, velocity });
+        },
+    );
+    std::mem::swap(&mut particles.position, &mut scratch.position);
+    std::mem::swap(&mut particles.velocity, &mut scratch.velocity);
 }

@@ -1,0 +1,211 @@
+//! The inner loops over the springs and particles of one block.
+//!
+//! They are plain loops over slices, written so that the compiler turns them into vector instructions,
+//! and compiled for each instruction set that is worth it; which one runs is chosen once, when the
+//! program starts (by the crate `pulp`). No operation is reordered or contracted, so all of them give the
+//! same bits, those of [`spring_force`] one spring after the other.
+
+use bevy::math::Vec3;
+
+use super::batches::{Block, Loose, Run, SHORTEST_RUN, Side};
+use super::forces::{Field, spring_force};
+
+/// Springs computed before their forces are added: enough that the additions do not wait for the
+/// stores of those before.
+const CHUNK: usize = 64;
+
+/// What the forces depend on: all particles, three arrays for each vector.
+#[derive(Clone, Copy)]
+pub(super) struct Motion<'a> {
+    pub position: [&'a [f32]; 3],
+    pub velocity: [&'a [f32]; 3],
+    pub applied_force: [&'a [f32]; 3],
+    pub inverse_mass: &'a [f32],
+}
+
+/// The particles of one block: where they begin, and the arrays to be written.
+pub(super) struct Target<'a> {
+    pub start: usize,
+    pub acceleration: [&'a mut [f32]; 3],
+}
+
+/// A substep of semi-implicit Euler: the new state of the particles of one block.
+pub(super) struct Moved<'a> {
+    pub position: [&'a mut [f32]; 3],
+    pub velocity: [&'a mut [f32]; 3],
+}
+
+/// Springs computed together: a vector of AVX2.
+const LANES: usize = SHORTEST_RUN;
+
+/// Forces of the springs of a chunk.
+struct Forces([[f32; CHUNK + LANES]; 3]);
+
+/// Writes the accelerations of the particles of one block.
+pub(super) fn accelerate(block: &Block, motion: Motion, field: Field, target: &mut Target) {
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || block_accelerations(block, motion, field, target),
+    );
+}
+
+/// Writes the accelerations of the particles of one block, and their state after a substep of
+/// semi-implicit Euler: v' = v + h a, x' = x + h v'.
+pub(super) fn advance(
+    block: &Block,
+    motion: Motion,
+    field: Field,
+    substep: f32,
+    target: &mut Target,
+    moved: &mut Moved,
+) {
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            block_accelerations(block, motion, field, target);
+            let count = target.acceleration[0].len();
+            let range = target.start..target.start + count;
+            for axis in 0..3 {
+                let old_velocity = &motion.velocity[axis][range.clone()];
+                let old_position = &motion.position[axis][range.clone()];
+                let acceleration = &target.acceleration[axis][..count];
+                let velocity = &mut moved.velocity[axis][..count];
+                let position = &mut moved.position[axis][..count];
+                for index in 0..count {
+                    velocity[index] = old_velocity[index] + substep * acceleration[index];
+                    position[index] = old_position[index] + substep * velocity[index];
+                }
+            }
+        },
+    );
+}
+
+#[inline(always)]
+fn block_accelerations(block: &Block, motion: Motion, field: Field, target: &mut Target) {
+    let start = target.start;
+    let [x, y, z] = &mut target.acceleration;
+    let mut force = [&mut **x, &mut **y, &mut **z];
+    let count = force[0].len();
+    let range = start..start + count;
+    for (axis, force) in force.iter_mut().enumerate() {
+        let applied_force = &motion.applied_force[axis][range.clone()];
+        let velocity = &motion.velocity[axis][range.clone()];
+        let force = &mut force[..count];
+        for index in 0..count {
+            // The drag of the medium: −ν v.
+            force[index] = applied_force[index] - field.viscosity * velocity[index];
+        }
+    }
+    add_runs(block, motion, &mut force, start);
+    add_loose(block, motion, &mut force, start);
+    // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
+    // acceleration, so that free fall does not depend on the mass, not even by a rounding.
+    let inverse_mass = &motion.inverse_mass[range];
+    for (force, gravity) in force.iter_mut().zip(field.gravity.to_array()) {
+        let force = &mut force[..count];
+        for index in 0..count {
+            let free = force[index] * inverse_mass[index] + gravity;
+            force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
+        }
+    }
+}
+
+#[inline(always)]
+fn add_runs(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
+    let mut forces = Forces([[0.0; CHUNK + LANES]; 3]);
+    for run in &block.runs {
+        let count = run.count as usize;
+        let mut done = 0;
+        while done < count {
+            // What is left after a chunk fills a vector, or there is none.
+            let left = count - done;
+            let chunk = if left < CHUNK + LANES { left } else { CHUNK };
+            run_forces(block, run, done, chunk, motion, &mut forces);
+            if run.side != Side::Upper {
+                let at = run.lower as usize - start + done;
+                for (force, pull) in force.iter_mut().zip(&forces.0) {
+                    for (force, pull) in force[at..at + chunk].iter_mut().zip(&pull[..chunk]) {
+                        *force += pull;
+                    }
+                }
+            }
+            if run.side != Side::Lower {
+                let at = run.upper as usize - start + done;
+                for (force, pull) in force.iter_mut().zip(&forces.0) {
+                    for (force, pull) in force[at..at + chunk].iter_mut().zip(&pull[..chunk]) {
+                        *force -= pull;
+                    }
+                }
+            }
+            done += chunk;
+        }
+    }
+}
+
+/// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
+#[inline(always)]
+fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motion, forces: &mut Forces) {
+    let lanes = |array: &'_ [f32], at: usize| -> [f32; LANES] {
+        array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
+    };
+    let count = run.count as usize;
+    for first in (0..chunk).step_by(LANES) {
+        // The last vector of a run overlaps the one before it and computes some springs again.
+        let at = (done + first).min(count - LANES);
+        let (lower, upper, place) =
+            (run.lower as usize + at, run.upper as usize + at, run.start as usize + at);
+        let ends =
+            |axes: [&[f32]; 3]| (axes.map(|axis| lanes(axis, lower)), axes.map(|axis| lanes(axis, upper)));
+        let (lower_position, upper_position) = ends(motion.position);
+        let (lower_velocity, upper_velocity) = ends(motion.velocity);
+        let rest_length = lanes(&block.rest_length, place);
+        let stiffness = lanes(&block.stiffness, place);
+        let damping = lanes(&block.damping, place);
+        let mut pulls = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let between = |lower: &[[f32; LANES]; 3], upper: &[[f32; LANES]; 3]| {
+                Vec3::new(
+                    lower[0][lane] - upper[0][lane],
+                    lower[1][lane] - upper[1][lane],
+                    lower[2][lane] - upper[2][lane],
+                )
+            };
+            let pull = spring_force(
+                between(&lower_position, &upper_position),
+                between(&lower_velocity, &upper_velocity),
+                rest_length[lane],
+                stiffness[lane],
+                damping[lane],
+            );
+            pulls[0][lane] = pull.x;
+            pulls[1][lane] = pull.y;
+            pulls[2][lane] = pull.z;
+        }
+        for (force, pull) in forces.0.iter_mut().zip(pulls) {
+            force[at - done..at - done + LANES].copy_from_slice(&pull);
+        }
+    }
+}
+
+#[inline(always)]
+fn add_loose(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
+    let after_runs = block.rest_length.len() - block.loose.len();
+    let parameters =
+        (after_runs..).map(|place| (block.rest_length[place], block.stiffness[place], block.damping[place]));
+    for (&Loose { lower, upper, side }, (rest_length, stiffness, damping)) in
+        block.loose.iter().zip(parameters)
+    {
+        let (lower, upper) = (lower as usize, upper as usize);
+        let between = |axes: [&[f32]; 3]| Vec3::from_array(axes.map(|axis| axis[lower] - axis[upper]));
+        let pull =
+            spring_force(between(motion.position), between(motion.velocity), rest_length, stiffness, damping);
+        for (force, pull) in force.iter_mut().zip(pull.to_array()) {
+            if side != Side::Upper {
+                force[lower - start] += pull;
+            }
+            if side != Side::Lower {
+                force[upper - start] -= pull;
+            }
+        }
+    }
+}
