@@ -45,6 +45,8 @@ pub(super) struct Run {
     pub start: u32,
     /// Which ends lie in the block.
     pub side: Side,
+    /// Stiffness and damping, if they are those of all its springs: less to read.
+    pub material: Option<[f32; 2]>,
 }
 
 /// A spring that is in no run.
@@ -167,6 +169,12 @@ impl Block {
         self.rest_length[index] = rest_length;
         self.stiffness[index] = stiffness;
         self.damping[index] = damping;
+        let run = self.runs.partition_point(|run| run.start as usize <= index).checked_sub(1);
+        if let Some(run) = run.map(|run| &mut self.runs[run])
+            && run.material != Some([stiffness, damping])
+        {
+            run.material = None;
+        }
     }
 
     /// Divides the sorted entries into runs and loose springs; calls `placed(spring, index)` for each
@@ -192,22 +200,26 @@ impl Block {
         let groups = || entries.chunk_by(consecutive);
         for group in groups().filter(|group| group.len() >= SHORTEST_RUN) {
             let Entry { side, offset, lower, .. } = group[0];
-            let start = rest_length_index(group, &mut place);
-            runs.push(Run { lower, upper: lower + offset, count: group.len() as u32, start, side });
+            let start = group.iter().map(&mut place).fold(usize::MAX, usize::min);
+            let material = |entry: &Entry| {
+                let spring = entry.spring as usize;
+                [springs.stiffness()[spring], springs.damping()[spring]]
+            };
+            let uniform = group.iter().all(|entry| material(entry) == material(&group[0]));
+            runs.push(Run {
+                lower,
+                upper: lower + offset,
+                count: group.len() as u32,
+                start: start as u32,
+                side,
+                material: uniform.then(|| material(&group[0])),
+            });
         }
         for entry in groups().filter(|group| group.len() < SHORTEST_RUN).flatten() {
             place(entry);
             loose.push(Loose { lower: entry.lower, upper: entry.lower + entry.offset, side: entry.side });
         }
     }
-}
-
-/// Places all springs of a run; the index of the first.
-fn rest_length_index(group: &[Entry], place: &mut impl FnMut(&Entry) -> usize) -> u32 {
-    let mut indexes = group.iter().map(place);
-    let first = indexes.next().unwrap_or_default();
-    indexes.for_each(drop);
-    first as u32
 }
 
 /// The size of the blocks: the smallest power of two that cuts few springs. It depends on the springs

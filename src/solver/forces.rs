@@ -6,7 +6,7 @@
 use bevy::math::Vec3;
 
 use super::blocks;
-use super::kernel::{self, Motion, Target};
+use super::kernel::{Accelerate, Motion, Target};
 use super::particles::{Particles, Vectors};
 use super::springs::Springs;
 
@@ -57,7 +57,7 @@ pub fn evaluate(particles: &mut Particles, springs: &mut Springs, field: Field) 
     let size = batches.block_size;
     let parts = batches.blocks.iter().zip(acceleration.chunks_mut(size)).enumerate();
     blocks::for_each(parts, batches.are_worth_sharing(), |(number, (block, acceleration))| {
-        kernel::accelerate(block, motion, field, &mut Target { start: number * size, acceleration });
+        Accelerate { block, motion, field, target: Target { start: number * size, acceleration } }.run();
     });
 }
 

@@ -38,46 +38,68 @@ pub(super) struct Moved<'a> {
 /// Springs computed together: a vector of AVX2.
 const LANES: usize = SHORTEST_RUN;
 
-/// Forces of the springs of a chunk.
-struct Forces([[f32; CHUNK + LANES]; 3]);
+/// Forces of the springs of a chunk, from index `LANES`; there is room for zeros on both sides.
+struct Forces([[f32; LANES + CHUNK + LANES + LANES]; 3]);
 
 /// Writes the accelerations of the particles of one block.
-pub(super) fn accelerate(block: &Block, motion: Motion, field: Field, target: &mut Target) {
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || block_accelerations(block, motion, field, target),
-    );
+pub(super) struct Accelerate<'a> {
+    pub block: &'a Block,
+    pub motion: Motion<'a>,
+    pub field: Field,
+    pub target: Target<'a>,
 }
 
 /// Writes the accelerations of the particles of one block, and their state after a substep of
 /// semi-implicit Euler: v' = v + h a, x' = x + h v'.
-pub(super) fn advance(
-    block: &Block,
-    motion: Motion,
-    field: Field,
-    substep: f32,
-    target: &mut Target,
-    moved: &mut Moved,
-) {
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            block_accelerations(block, motion, field, target);
-            let count = target.acceleration[0].len();
-            let range = target.start..target.start + count;
-            for axis in 0..3 {
-                let old_velocity = &motion.velocity[axis][range.clone()];
-                let old_position = &motion.position[axis][range.clone()];
-                let acceleration = &target.acceleration[axis][..count];
-                let velocity = &mut moved.velocity[axis][..count];
-                let position = &mut moved.position[axis][..count];
-                for index in 0..count {
-                    velocity[index] = old_velocity[index] + substep * acceleration[index];
-                    position[index] = old_position[index] + substep * velocity[index];
-                }
+pub(super) struct Advance<'a> {
+    pub accelerate: Accelerate<'a>,
+    /// The substep h, s.
+    pub substep: f32,
+    pub moved: Moved<'a>,
+}
+
+impl Accelerate<'_> {
+    pub fn run(self) {
+        pulp::Arch::new().dispatch(self);
+    }
+}
+
+impl Advance<'_> {
+    pub fn run(self) {
+        pulp::Arch::new().dispatch(self);
+    }
+}
+
+impl pulp::WithSimd for Accelerate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(mut self, _: S) {
+        block_accelerations(self.block, self.motion, self.field, &mut self.target);
+    }
+}
+
+impl pulp::WithSimd for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { accelerate: Accelerate { block, motion, field, mut target }, substep, moved } = self;
+        block_accelerations(block, motion, field, &mut target);
+        let count = target.acceleration[0].len();
+        let range = target.start..target.start + count;
+        for axis in 0..3 {
+            let old_velocity = &motion.velocity[axis][range.clone()];
+            let old_position = &motion.position[axis][range.clone()];
+            let acceleration = &target.acceleration[axis][..count];
+            let velocity = &mut moved.velocity[axis][..count];
+            let position = &mut moved.position[axis][..count];
+            for index in 0..count {
+                velocity[index] = old_velocity[index] + substep * acceleration[index];
+                position[index] = old_position[index] + substep * velocity[index];
             }
-        },
-    );
+        }
+    }
 }
 
 #[inline(always)]
@@ -112,32 +134,66 @@ fn block_accelerations(block: &Block, motion: Motion, field: Field, target: &mut
 
 #[inline(always)]
 fn add_runs(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
-    let mut forces = Forces([[0.0; CHUNK + LANES]; 3]);
+    let mut forces = Forces([[0.0; LANES + CHUNK + LANES + LANES]; 3]);
     for run in &block.runs {
         let count = run.count as usize;
+        let offset = (run.upper - run.lower) as usize;
         let mut done = 0;
         while done < count {
             // What is left after a chunk fills a vector, or there is none.
             let left = count - done;
             let chunk = if left < CHUNK + LANES { left } else { CHUNK };
             run_forces(block, run, done, chunk, motion, &mut forces);
-            if run.side != Side::Upper {
-                let at = run.lower as usize - start + done;
-                for (force, pull) in force.iter_mut().zip(&forces.0) {
-                    for (force, pull) in force[at..at + chunk].iter_mut().zip(&pull[..chunk]) {
-                        *force += pull;
-                    }
+            let lower = (run.lower as usize + done).wrapping_sub(start);
+            let upper = (run.upper as usize + done).wrapping_sub(start);
+            match run.side {
+                Side::Both if offset <= LANES => add_both(force, lower, offset, chunk, &mut forces),
+                Side::Both => {
+                    add(force, lower, chunk, &forces);
+                    subtract(force, upper, chunk, &forces);
                 }
-            }
-            if run.side != Side::Lower {
-                let at = run.upper as usize - start + done;
-                for (force, pull) in force.iter_mut().zip(&forces.0) {
-                    for (force, pull) in force[at..at + chunk].iter_mut().zip(&pull[..chunk]) {
-                        *force -= pull;
-                    }
-                }
+                Side::Lower => add(force, lower, chunk, &forces),
+                Side::Upper => subtract(force, upper, chunk, &forces),
             }
             done += chunk;
+        }
+    }
+}
+
+/// Adds forces to the particles from `at`.
+#[inline(always)]
+fn add(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
+    for (force, pull) in force.iter_mut().zip(&forces.0) {
+        for (force, pull) in force[at..at + count].iter_mut().zip(&pull[LANES..LANES + count]) {
+            *force += pull;
+        }
+    }
+}
+
+/// Subtracts forces from the particles from `at`.
+#[inline(always)]
+fn subtract(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
+    for (force, pull) in force.iter_mut().zip(&forces.0) {
+        for (force, pull) in force[at..at + count].iter_mut().zip(&pull[LANES..LANES + count]) {
+            *force -= pull;
+        }
+    }
+}
+
+/// Adds forces to the particles from `at` and subtracts them from those `offset` further, in one: what
+/// is stored is not loaded again at once.
+#[inline(always)]
+fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize, forces: &mut Forces) {
+    let end = LANES + count;
+    for (force, pull) in force.iter_mut().zip(&mut forces.0) {
+        // Those before the chunk are zero always.
+        pull[end..end + LANES].fill(0.0);
+        let ahead = &pull[LANES..end + offset];
+        let behind = &pull[LANES - offset..end];
+        for (force, (ahead, behind)) in
+            force[at..at + count + offset].iter_mut().zip(ahead.iter().zip(behind))
+        {
+            *force += ahead - behind;
         }
     }
 }
@@ -159,8 +215,10 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
         let (lower_position, upper_position) = ends(motion.position);
         let (lower_velocity, upper_velocity) = ends(motion.velocity);
         let rest_length = lanes(&block.rest_length, place);
-        let stiffness = lanes(&block.stiffness, place);
-        let damping = lanes(&block.damping, place);
+        let [stiffness, damping] = match run.material {
+            Some([stiffness, damping]) => [[stiffness; LANES], [damping; LANES]],
+            None => [lanes(&block.stiffness, place), lanes(&block.damping, place)],
+        };
         let mut pulls = [[0.0; LANES]; 3];
         for lane in 0..LANES {
             let between = |lower: &[[f32; LANES]; 3], upper: &[[f32; LANES]; 3]| {
@@ -182,7 +240,8 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
             pulls[2][lane] = pull.z;
         }
         for (force, pull) in forces.0.iter_mut().zip(pulls) {
-            force[at - done..at - done + LANES].copy_from_slice(&pull);
+            let at = LANES + at - done;
+            force[at..at + LANES].copy_from_slice(&pull);
         }
     }
 }

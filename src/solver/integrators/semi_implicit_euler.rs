@@ -7,7 +7,7 @@
 use super::super::SolverState;
 use super::super::blocks;
 use super::super::forces::Field;
-use super::super::kernel::{self, Motion, Moved, Target};
+use super::super::kernel::{Accelerate, Advance, Motion, Moved, Target};
 
 /// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
 /// want the old one.
@@ -31,8 +31,9 @@ pub(super) fn advance(state: &mut SolverState, field: Field, substep: f32) {
         parts,
         batches.are_worth_sharing(),
         |(number, (block, (acceleration, (position, velocity))))| {
-            let mut target = Target { start: number * size, acceleration };
-            kernel::advance(block, motion, field, substep, &mut target, &mut Moved { position, velocity });
+            let target = Target { start: number * size, acceleration };
+            let accelerate = Accelerate { block, motion, field, target };
+            Advance { accelerate, substep, moved: Moved { position, velocity } }.run();
         },
     );
     std::mem::swap(&mut particles.position, &mut scratch.position);
