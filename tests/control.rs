@@ -315,6 +315,44 @@ fn headless_apps_do_not_interpolate_unless_asked() {
     }
 }
 
+/// A frame in the middle of a tick shows an eased place. The state is that of the last tick all the same,
+/// or where somebody has moved a particle since then.
+#[cfg(feature = "interpolation")]
+#[test]
+fn a_state_taken_between_ticks_is_exact() {
+    use bevy::time::TimeUpdateStrategy;
+
+    let rope_in = |interpolation: bool| {
+        let mut app = app_with(MassSpringPlugin::default().with_interpolation(interpolation));
+        let rope = spawn_rope(&mut app, Vec3::Y, 6, 0.1, |spring| spring.with_stiffness(300.0));
+        run(&mut app, 30);
+        (app, rope)
+    };
+    let ((mut eased, rope), (mut straight, twin)) = (rope_in(true), rope_in(false));
+    let quarter = TimeUpdateStrategy::ManualDuration(std::time::Duration::from_secs_f32(TICK / 4.0));
+    eased.insert_resource(quarter);
+    run(&mut eased, 2);
+    assert_eq!(report(&eased).tick, 30);
+    let (shown, last) = (hash(&eased, &rope), hash(&straight, &twin));
+    assert_ne!(shown, last, "the frame shows the middle of a tick");
+    apply(&mut eased, TakeInitialState);
+    assert_eq!(hash(&eased, &rope), shown, "the frame is not disturbed");
+    apply(&mut eased, RestoreInitialState);
+    assert_eq!(hash(&eased, &rope), last);
+
+    // What follows is as if nothing had been, here between the ticks as well.
+    eased.insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
+    run(&mut eased, 20);
+    run(&mut straight, 20);
+    place(&mut straight, twin[0], Vec3::Y * 1.5);
+    place(&mut eased, rope[0], Vec3::Y * 1.5);
+    apply(&mut eased, TakeInitialState);
+    run(&mut eased, 3);
+    apply(&mut eased, RestoreInitialState);
+    assert_eq!(position(&eased, rope[0]), Vec3::Y * 1.5);
+    assert_eq!(hash(&eased, &rope), hash(&straight, &twin));
+}
+
 /// In a schedule that runs each frame, its delta is the tick; without time nothing moves.
 #[test]
 fn the_plugin_takes_another_schedule() {

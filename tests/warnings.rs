@@ -179,6 +179,29 @@ fn a_bad_spring_is_named_once_skipped_and_let_back_in_when_mended() {
 }
 
 #[test]
+fn a_bad_force_is_named_once_each_time_it_turns_bad() {
+    let logged = Logged::start();
+    let mut app = app();
+    let chain = bystanders(&mut app);
+    let patient = spawn(&mut app, 1.0, 0.1, Vec3::X * 5.0);
+    for (good, bad) in [(Some(Vec3::X), f32::NAN), (None, f32::NAN), (Some(Vec3::ZERO), f32::INFINITY)] {
+        app.world_mut().entity_mut(patient).insert(AppliedForce(Vec3::X * bad));
+        run(&mut app, 5);
+        assert_names(&logged.take_one(), patient, &["particle", "applied force"]);
+        match good {
+            Some(force) => app.world_mut().entity_mut(patient).insert(AppliedForce(force)),
+            None => app.world_mut().entity_mut(patient).remove::<AppliedForce>(),
+        };
+        run(&mut app, 5);
+        logged.assert_silent();
+    }
+    // Five ticks of 1 N on 1 kg, and nothing of the bad forces.
+    assert!((velocity(&app, patient).x - 5.0 * TICK).abs() < 1e-6);
+    assert_eq!(report(&app).particles, 6);
+    assert_eq!(hash(&app, &chain), undisturbed(30));
+}
+
+#[test]
 fn a_bad_plane_is_named_once_and_holds_nothing() {
     let logged = Logged::start();
     let mut app = app();

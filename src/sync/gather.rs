@@ -126,12 +126,13 @@ impl Gathering<'_> {
     }
 
     fn checked_force(&mut self, entity: Entity, force: Option<&AppliedForce>) -> Vec3 {
-        let Some(force) = force else { return Vec3::ZERO };
-        if let Err(problem) = parameter::finite("applied force", force.0) {
+        let force = force.map_or(Vec3::ZERO, |force| force.0);
+        if let Err(problem) = parameter::finite("applied force", force) {
             self.index.warn_once(entity, format_args!("particle {entity} is not pushed: {problem}"));
             return Vec3::ZERO;
         }
-        force.0
+        self.index.forgive(entity);
+        force
     }
 }
 

@@ -104,13 +104,8 @@ pub(super) fn leave<T: Enrolled>(
     }
 }
 
-/// Takes note that a particle was taken out of the simulation, or let in again.
-pub(super) fn mark_on_add<T: Component>(_: On<Add, T>, mut index: ResMut<Index>) {
-    index.changed = true;
-}
-
-/// See [`mark_on_add`].
-pub(super) fn mark_on_remove<T: Component>(_: On<Remove, T>, mut index: ResMut<Index>) {
+/// Takes note that the slots depend on what has just happened to `T`: [`Add`] or [`Remove`].
+pub(super) fn mark_changed<E: Event, T: Component>(_: On<E, T>, mut index: ResMut<Index>) {
     index.changed = true;
 }
 

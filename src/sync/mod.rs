@@ -11,6 +11,7 @@
 //! Each particle and each spring carries its slot in a component of its own, so that a tick copies
 //! whole tables without looking anything up.
 
+mod easing;
 mod gather;
 mod hierarchy;
 mod index;
@@ -57,8 +58,8 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(index::leave::<Particle>)
         .add_observer(index::enroll::<Spring>)
         .add_observer(index::leave::<Spring>)
-        .add_observer(index::mark_on_add::<Quarantined>)
-        .add_observer(index::mark_on_remove::<Quarantined>)
+        .add_observer(index::mark_changed::<Add, Quarantined>)
+        .add_observer(index::mark_changed::<Remove, Quarantined>)
         .add_observer(gather::enroll_plane)
         .add_observer(gather::leave_plane)
         .add_systems(

@@ -7,6 +7,7 @@ use crate::report::TickReport;
 use crate::spring::Spring;
 
 use super::Simulation;
+use super::easing;
 use super::index::Index;
 use super::roster::Slot;
 
@@ -37,14 +38,14 @@ impl InitialParticle {
         }
     }
 
-    fn of(entity: &EntityRef) -> Option<Self> {
-        Some(Self::new(
-            entity.get::<Particle>()?,
-            entity.get::<Transform>()?,
-            entity.get::<ParticleVelocity>()?,
-            entity.get::<AppliedForce>(),
-            entity.contains::<Pinned>(),
-        ))
+    fn of(world: &World, entity: EntityRef) -> Option<Self> {
+        Some(Self {
+            particle: *entity.get()?,
+            translation: easing::exact_translation(world, entity)?,
+            velocity: *entity.get()?,
+            force: entity.get().copied(),
+            pinned: entity.contains::<Pinned>(),
+        })
     }
 
     fn restore(&self, entity: &mut EntityWorldMut) {
@@ -52,7 +53,7 @@ impl InitialParticle {
         if let Some(mut transform) = entity.get_mut::<Transform>() {
             transform.translation = self.translation;
         }
-        forget_easing(entity);
+        easing::forget(entity);
         match self.force {
             Some(force) => entity.insert(force),
             None => entity.remove::<AppliedForce>(),
@@ -65,26 +66,12 @@ impl InitialParticle {
     }
 }
 
-/// Lets interpolation begin anew from the restored place.
-///
-/// It would take a place that equals the start of the last tick for its own doing, not for a change,
-/// and put the end of that tick in its stead when the next one begins.
-#[cfg(feature = "interpolation")]
-fn forget_easing(entity: &mut EntityWorldMut) {
-    if let Some(mut easing) = entity.get_mut::<bevy_transform_interpolation::TranslationEasingState>() {
-        (easing.start, easing.end) = (None, None);
-    }
-}
-
-#[cfg(not(feature = "interpolation"))]
-fn forget_easing(_entity: &mut EntityWorldMut) {}
-
 /// See [`TakeInitialState`](crate::snapshot::TakeInitialState).
 pub(crate) fn take_initial_state(world: &mut World) {
     world.resource_scope(|world, mut index: Mut<Index>| {
         for entry in &mut index.particles.entries {
             if let Ok(entity) = world.get_entity(entry.entity) {
-                entry.initial = InitialParticle::of(&entity);
+                entry.initial = InitialParticle::of(world, entity);
             }
         }
         for entry in &mut index.springs.entries {

@@ -1,0 +1,50 @@
+//! What interpolation does to a `Transform` between ticks, seen through; nothing without the feature.
+
+#[cfg(feature = "interpolation")]
+pub(super) use eased::{exact_translation, forget};
+#[cfg(not(feature = "interpolation"))]
+pub(super) use exact::{exact_translation, forget};
+
+#[cfg(feature = "interpolation")]
+mod eased {
+    use bevy::prelude::*;
+    use bevy_transform_interpolation::{LastEasingTick, TranslationEasingState};
+
+    /// The translation from which the next tick will start, in whatever frame between two ticks.
+    ///
+    /// That is the end of the last tick, which easing approaches, unless somebody has moved the entity
+    /// since then: the same rule as that of bevy_transform_interpolation.
+    pub fn exact_translation(world: &World, entity: EntityRef) -> Option<Vec3> {
+        let transform = entity.get_ref::<Transform>()?;
+        let shown = transform.translation;
+        let Some(&TranslationEasingState { start: Some(start), end: Some(end) }) = entity.get() else {
+            return Some(shown);
+        };
+        let touched = world.get_resource::<LastEasingTick>().is_some_and(|last_easing| {
+            transform.last_changed().is_newer_than(**last_easing, world.read_change_tick())
+        });
+        let moved = touched && shown != start && shown != end;
+        Some(if moved { shown } else { end })
+    }
+
+    /// Lets interpolation begin anew from where the entity has been put.
+    ///
+    /// It would take a place that equals the start of the last tick for its own doing, not for a change,
+    /// and put the end of that tick in its stead when the next one begins.
+    pub fn forget(entity: &mut EntityWorldMut) {
+        if let Some(mut easing) = entity.get_mut::<TranslationEasingState>() {
+            (easing.start, easing.end) = (None, None);
+        }
+    }
+}
+
+#[cfg(not(feature = "interpolation"))]
+mod exact {
+    use bevy::prelude::*;
+
+    pub fn exact_translation(_world: &World, entity: EntityRef) -> Option<Vec3> {
+        Some(entity.get::<Transform>()?.translation)
+    }
+
+    pub fn forget(_entity: &mut EntityWorldMut) {}
+}
