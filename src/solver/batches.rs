@@ -66,7 +66,8 @@ pub(super) struct Block {
     pub rest_length: Vec<f32>,
     pub stiffness: Vec<f32>,
     pub damping: Vec<f32>,
-    entries: Vec<Entry>,
+    /// The spring whose parameters each of these are.
+    springs: Vec<u32>,
 }
 
 /// A spring of a block, in the order of sorting.
@@ -79,6 +80,9 @@ struct Entry {
     spring: u32,
 }
 
+/// One in so many springs may be loose because they came later; then all are sorted anew.
+const MOST_APPENDED: usize = 8;
+
 /// All springs in blocks.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Batches {
@@ -86,7 +90,10 @@ pub(super) struct Batches {
     /// Particles in each block but the last.
     pub block_size: usize,
     particles: usize,
-    stale: bool,
+    /// Whether they are those of the springs.
+    good: bool,
+    /// How many springs came since they were sorted.
+    appended: usize,
     /// Where the parameters of each spring are: (block, index), the second only for a spring between
     /// two blocks.
     places: Vec<[Option<Place>; 2]>,
@@ -101,12 +108,64 @@ struct Place {
 impl Batches {
     /// To be called when a spring came or went.
     pub fn invalidate(&mut self) {
-        self.stale = true;
+        self.good = false;
     }
 
-    /// Whether they still are those of all springs.
-    pub fn fit(&self, particles: usize) -> bool {
-        !self.stale && self.particles == particles
+    /// Makes room for particles that came, and says whether the batches still are those of all springs.
+    pub fn grow(&mut self, particles: usize) -> bool {
+        if self.good && particles > self.particles {
+            self.particles = particles;
+            self.blocks.resize_with(particles.div_ceil(self.block_size), Block::default);
+        }
+        self.good && particles == self.particles
+    }
+
+    /// Adds a spring as a loose one, in constant time.
+    pub fn append(&mut self, ends: [u32; 2], parameters: [f32; 3]) {
+        self.appended += 1;
+        self.good &= self.appended * MOST_APPENDED < self.places.len();
+        if !self.good {
+            return;
+        }
+        let [lower, upper] = ends;
+        self.grow(self.particles.max(upper as usize + 1));
+        let spring = self.places.len() as u32;
+        let shift = self.block_size.ilog2();
+        let (first, second) = (lower >> shift, upper >> shift);
+        let mut append =
+            |block, side| Some(self.append_to(block, Loose { lower, upper, side }, spring, parameters));
+        let places = if first == second {
+            [append(first, Side::Both), None]
+        } else {
+            [append(first, Side::Lower), append(second, Side::Upper)]
+        };
+        self.places.push(places);
+    }
+
+    fn append_to(&mut self, block: u32, loose: Loose, spring: u32, parameters: [f32; 3]) -> Place {
+        let listed = &mut self.blocks[block as usize];
+        listed.loose.push(loose);
+        Place { block, index: listed.place(spring, parameters) }
+    }
+
+    /// The springs that end in a particle; `None` if the batches are not good.
+    pub fn ending_at(&self, slot: u32) -> Option<Vec<usize>> {
+        if !self.good {
+            return None;
+        }
+        let block = self.blocks.get(slot as usize / self.block_size)?;
+        let in_runs = block.runs.iter().flat_map(|run| {
+            let ends = [(run.lower, Side::Upper), (run.upper, Side::Lower)];
+            ends.into_iter().filter_map(move |(first, other_side)| {
+                let at = slot.checked_sub(first).filter(|at| *at < run.count && run.side != other_side)?;
+                Some(run.start + at)
+            })
+        });
+        let after_runs = block.springs.len() - block.loose.len();
+        let among_loose = block.loose.iter().zip(after_runs as u32..);
+        let among_loose = among_loose.filter(|(loose, _)| loose.lower == slot || loose.upper == slot);
+        let places = in_runs.chain(among_loose.map(|(_, place)| place));
+        Some(places.map(|place| block.springs[place as usize] as usize).collect())
     }
 
     /// Whether there is so much work in an evaluation that other threads should help.
@@ -116,7 +175,7 @@ impl Batches {
 
     /// Changes the parameters of a spring.
     pub fn set_parameters(&mut self, spring: usize, parameters: [f32; 3]) {
-        if self.stale {
+        if !self.good {
             return;
         }
         for place in self.places[spring].into_iter().flatten() {
@@ -126,14 +185,14 @@ impl Batches {
 
     /// Sorts all springs.
     pub fn build(&mut self, springs: &Springs, particles: usize) {
-        self.stale = false;
+        self.good = true;
         self.particles = particles;
         self.block_size = block_size(springs, particles);
         let shift = self.block_size.ilog2();
-        for block in &mut self.blocks {
-            block.entries.clear();
-        }
-        self.blocks.resize_with(particles.div_ceil(self.block_size), Block::default);
+        self.appended = 0;
+        let count = particles.div_ceil(self.block_size);
+        self.blocks.resize_with(count, Block::default);
+        let mut entries = vec![Vec::new(); count];
         for (spring, (&first, &second)) in springs.first().iter().zip(springs.second()).enumerate() {
             let (lower, upper) = (first.min(second), first.max(second));
             let entry = |slot: u32, side| Entry {
@@ -145,21 +204,22 @@ impl Batches {
             };
             let (lower_block, upper_block) = ((lower >> shift) as usize, (upper >> shift) as usize);
             if lower_block == upper_block {
-                self.blocks[lower_block].entries.push(entry(lower, Side::Both));
+                entries[lower_block].push(entry(lower, Side::Both));
             } else {
-                self.blocks[lower_block].entries.push(entry(lower, Side::Lower));
-                self.blocks[upper_block].entries.push(entry(upper, Side::Upper));
+                entries[lower_block].push(entry(lower, Side::Lower));
+                entries[upper_block].push(entry(upper, Side::Upper));
             }
         }
         self.places.clear();
         self.places.resize(springs.len(), [None; 2]);
-        for (number, block) in self.blocks.iter_mut().enumerate() {
-            block.entries.sort_unstable();
-            block.batch(springs, |spring, index| {
-                let place = Some(Place { block: number as u32, index: index as u32 });
-                let [first, second] = &mut self.places[spring];
+        for (number, (block, mut entries)) in self.blocks.iter_mut().zip(entries).enumerate() {
+            entries.sort_unstable();
+            block.batch(springs, &entries);
+            for (spring, index) in block.springs.iter().zip(0..) {
+                let place = Some(Place { block: number as u32, index });
+                let [first, second] = &mut self.places[*spring as usize];
                 *(if first.is_none() { first } else { second }) = place;
-            });
+            }
         }
     }
 }
@@ -177,47 +237,46 @@ impl Block {
         }
     }
 
-    /// Divides the sorted entries into runs and loose springs; calls `placed(spring, index)` for each
-    /// with the index of its parameters.
-    fn batch(&mut self, springs: &Springs, mut placed: impl FnMut(usize, usize)) {
-        let Self { runs, loose, rest_length, stiffness, damping, entries } = self;
-        runs.clear();
-        loose.clear();
-        rest_length.clear();
-        stiffness.clear();
-        damping.clear();
-        let mut place = |entry: &Entry| {
+    /// Appends the parameters of a spring; where they are.
+    fn place(&mut self, spring: u32, [rest_length, stiffness, damping]: [f32; 3]) -> u32 {
+        self.springs.push(spring);
+        self.rest_length.push(rest_length);
+        self.stiffness.push(stiffness);
+        self.damping.push(damping);
+        self.springs.len() as u32 - 1
+    }
+
+    /// Divides sorted entries into runs and loose springs.
+    fn batch(&mut self, springs: &Springs, entries: &[Entry]) {
+        *self = Self::default();
+        let parameters = |entry: &Entry| {
             let spring = entry.spring as usize;
-            placed(spring, rest_length.len());
-            rest_length.push(springs.rest_length()[spring]);
-            stiffness.push(springs.stiffness()[spring]);
-            damping.push(springs.damping()[spring]);
-            rest_length.len() - 1
+            [springs.rest_length()[spring], springs.stiffness()[spring], springs.damping()[spring]]
         };
+        let material = |entry: &Entry| [parameters(entry)[1], parameters(entry)[2]];
         let consecutive = |one: &Entry, next: &Entry| {
             (one.tile, one.side, one.offset, one.lower + 1) == (next.tile, next.side, next.offset, next.lower)
         };
         let groups = || entries.chunk_by(consecutive);
         for group in groups().filter(|group| group.len() >= SHORTEST_RUN) {
             let Entry { side, offset, lower, .. } = group[0];
-            let start = group.iter().map(&mut place).fold(usize::MAX, usize::min);
-            let material = |entry: &Entry| {
-                let spring = entry.spring as usize;
-                [springs.stiffness()[spring], springs.damping()[spring]]
-            };
             let uniform = group.iter().all(|entry| material(entry) == material(&group[0]));
-            runs.push(Run {
+            self.runs.push(Run {
                 lower,
                 upper: lower + offset,
                 count: group.len() as u32,
-                start: start as u32,
+                start: self.springs.len() as u32,
                 side,
                 material: uniform.then(|| material(&group[0])),
             });
+            for entry in group {
+                self.place(entry.spring, parameters(entry));
+            }
         }
         for entry in groups().filter(|group| group.len() < SHORTEST_RUN).flatten() {
-            place(entry);
-            loose.push(Loose { lower: entry.lower, upper: entry.lower + entry.offset, side: entry.side });
+            let Entry { side, offset, lower, spring, .. } = *entry;
+            self.loose.push(Loose { lower, upper: lower + offset, side });
+            self.place(spring, parameters(entry));
         }
     }
 }

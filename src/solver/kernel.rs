@@ -268,3 +268,85 @@ fn add_loose(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use pulp::WithSimd;
+
+    use super::*;
+    use crate::solver::forces::{accelerations, evaluate};
+    use crate::solver::{Particles, Springs, Vectors};
+
+    const FIELD: Field = Field { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.2 };
+
+    /// A strip of cloth of three blocks, a few springs from anywhere to anywhere, and a pinned corner.
+    fn net() -> (Particles, Springs) {
+        let (width, count) = (37, 5000);
+        let mut particles = Particles::default();
+        let mut springs = Springs::default();
+        let wobble = |slot: usize, factor: usize| (slot * factor % 101) as f32 * 0.002;
+        for slot in 0..count {
+            let (column, row) = ((slot % width) as f32, (slot / width) as f32);
+            let position = Vec3::new(column + wobble(slot, 7), wobble(slot, 13), row + wobble(slot, 29));
+            let velocity = Vec3::new(wobble(slot, 3), wobble(slot, 17), -wobble(slot, 5));
+            particles.push(position, velocity, if slot == 0 { f32::INFINITY } else { 0.3 }, 0.0);
+        }
+        for (columns, rows) in [(1, 0), (2, 0), (0, 1), (1, 1)] {
+            for slot in (0..count).filter(|slot| slot % width + columns < width) {
+                let other = slot + columns + rows * width;
+                if other < count {
+                    // One in three the other way round, and a softer one here and there.
+                    let (first, second) = if slot % 3 == 0 { (other, slot) } else { (slot, other) };
+                    let stiffness = if slot % 500 == 7 { 20.0 } else { 80.0 };
+                    springs.push(first, second, 1.0 + wobble(slot, 11), stiffness, 0.5);
+                }
+            }
+        }
+        for slot in (0..count).step_by(61) {
+            springs.push(slot, slot * 31 % count + 1, 5.0, 3.0, 0.1);
+        }
+        springs.prepare(count);
+        assert!(springs.batches().blocks.len() > 1);
+        (particles, springs)
+    }
+
+    /// Each particle has fewer than n = 12 forces of at most 500 N; sums of n terms differ by at most
+    /// 2 n u times the sum of their sizes, which 1/m turns into accelerations.
+    #[test]
+    fn the_kernel_does_what_the_plain_loop_does() {
+        let (mut particles, mut springs) = net();
+        let mut expected = Vectors::default();
+        let Particles { position, velocity, applied_force, inverse_mass, .. } = &particles;
+        accelerations(applied_force, inverse_mass, &springs, FIELD, position, velocity, &mut expected);
+        evaluate(&mut particles, &mut springs, FIELD);
+        let tolerance = 2.0 * 12.0 * (0.5 * f32::EPSILON) * (12.0 * 500.0) / 0.3;
+        let mut largest = 0.0_f32;
+        for slot in 0..particles.len() {
+            let difference = particles.acceleration.get(slot) - expected.get(slot);
+            assert!(difference.length() < tolerance, "slot {slot}: {difference}");
+            largest = largest.max(expected.get(slot).length());
+        }
+        assert!(largest > 100.0 && particles.acceleration.get(0) == Vec3::ZERO);
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let (mut particles, mut springs) = net();
+        evaluate(&mut particles, &mut springs, FIELD);
+        let mut portable = Vectors::default();
+        portable.resize(particles.len());
+        let size = springs.batches().block_size;
+        let motion = Motion {
+            position: particles.position.axes(),
+            velocity: particles.velocity.axes(),
+            applied_force: particles.applied_force.axes(),
+            inverse_mass: &particles.inverse_mass,
+        };
+        for (number, acceleration) in portable.chunks_mut(size).enumerate() {
+            let block = &springs.batches().blocks[number];
+            let target = Target { start: number * size, acceleration };
+            Accelerate { block, motion, field: FIELD, target }.with_simd(pulp::Scalar::new());
+        }
+        assert_eq!(particles.acceleration, portable);
+    }
+}

@@ -60,6 +60,13 @@ impl Vectors {
         }
     }
 
+    /// Makes all vectors `value`.
+    pub fn fill(&mut self, value: Vec3) {
+        for (axis, value) in self.axes_mut().into_iter().zip(value.to_array()) {
+            axis.fill(value);
+        }
+    }
+
     /// Becomes a copy of `other`, without allocating if it is large enough already.
     pub fn copy_from(&mut self, other: &Self) {
         self.x.clone_from(&other.x);
@@ -126,6 +133,15 @@ impl Particles {
         self.acceleration.push(Vec3::ZERO);
         self.inverse_mass.push(1.0 / mass);
         self.radius.push(radius);
+    }
+
+    /// Empties a slot: what is left is a pinned point that touches nothing.
+    pub fn vacate(&mut self, slot: usize) {
+        self.velocity.set(slot, Vec3::ZERO);
+        self.applied_force.set(slot, Vec3::ZERO);
+        self.acceleration.set(slot, Vec3::ZERO);
+        self.inverse_mass[slot] = 0.0;
+        self.radius[slot] = 0.0;
     }
 
     /// Makes it `count` particles; new ones are pinned at the origin until they are filled in.

@@ -43,7 +43,23 @@ impl Springs {
         self.rest_length.push(rest_length);
         self.stiffness.push(stiffness);
         self.damping.push(damping);
-        self.batches.invalidate();
+        let (lower, upper) = (first.min(second), first.max(second));
+        self.batches.append([lower as u32, upper as u32], [rest_length, stiffness, damping]);
+    }
+
+    /// Empties the slot of a spring: what is left exerts no force.
+    pub fn remove(&mut self, index: usize) {
+        self.set_parameters(index, 0.0, 0.0, 0.0);
+    }
+
+    /// The springs that end in a particle, in no particular order.
+    pub fn ending_at(&self, slot: usize) -> Vec<usize> {
+        if let Some(springs) = self.batches.ending_at(slot as u32) {
+            return springs;
+        }
+        (0..self.len())
+            .filter(|spring| [self.first[*spring], self.second[*spring]].contains(&(slot as u32)))
+            .collect()
     }
 
     /// Changes the parameters of spring `index`: rest length in m, stiffness in N/m, damping in N·s/m.
@@ -88,7 +104,7 @@ impl Springs {
     /// Sorts the springs between `particles` particles into batches, if they are not yet.
     pub(super) fn prepare(&mut self, particles: usize) {
         let mut batches = std::mem::take(&mut self.batches);
-        if !batches.fit(particles) {
+        if !batches.grow(particles) {
             batches.build(self, particles);
         }
         self.batches = batches;

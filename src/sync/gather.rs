@@ -1,14 +1,12 @@
-//! Components into arrays.
+//! Particles into arrays.
 
 use std::time::Instant;
 
-use bevy::math::Affine3A;
+use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 
-use crate::collider::PlaneCollider;
 use crate::parameter;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned};
-use crate::solver::contacts::{Plane, Pose};
 use crate::solver::{PinnedMotion, SolverState};
 
 use super::Simulation;
@@ -27,6 +25,8 @@ pub(super) struct Gathered {
     pub parented: Vec<(usize, usize, Entity)>,
     /// Slots whose position or velocity came in non-finite.
     pub faults: Vec<usize>,
+    /// Particles whose applied force is not finite, in the last tick and in this one.
+    bad_forces: [Vec<Entity>; 2],
 }
 
 /// All that a tick reads of a particle.
@@ -40,7 +40,7 @@ type ParticleData = (
     Has<Pinned>,
 );
 
-/// Copies all particles into their slots.
+/// Copies all particles into their slots: those without a parent by whole tables, the others one by one.
 pub(super) fn gather_particles(
     mut index: ResMut<Index>,
     mut simulation: ResMut<Simulation>,
@@ -50,15 +50,18 @@ pub(super) fn gather_particles(
     parents: Query<&ChildOf>,
     transforms: Query<&Transform>,
 ) {
-    let Gathered { parented: parented_slots, faults, .. } = &mut *gathered;
+    let Gathered { parented: parented_slots, faults, bad_forces: [old_bad_forces, bad_forces], .. } =
+        &mut *gathered;
     parented_slots.clear();
     faults.clear();
+    std::mem::swap(old_bad_forces, bad_forces);
+    bad_forces.clear();
     let simulation = &mut *simulation;
     simulation.state.pinned.clear();
-    let mut gathering = Gathering { index: &mut index, simulation, faults };
-    for particle in &free_standing {
-        let translation = particle.3.translation;
-        gathering.copy(particle, translation);
+    simulation.state.particles.applied_force.fill(Vec3::ZERO);
+    let mut gathering = Gathering { index: &mut index, simulation, faults, bad_forces };
+    for table in free_standing.contiguous_iter().expect("these components are all stored in tables") {
+        gathering.copy_table(table);
     }
     let mut known_parent = None;
     for (particle, &ChildOf(parent)) in &parented {
@@ -75,21 +78,63 @@ pub(super) fn gather_particles(
     // Parents first: a particle may be the parent of another.
     parented_slots.sort_unstable_by_key(|(depth, slot, _)| (*depth, *slot));
     index.fresh.fill(false);
+    for entity in old_bad_forces.iter().filter(|entity| !bad_forces.contains(entity)) {
+        index.forgive(*entity);
+    }
 }
 
 struct Gathering<'a> {
     index: &'a mut Index,
     simulation: &'a mut Simulation,
     faults: &'a mut Vec<usize>,
+    bad_forces: &'a mut Vec<Entity>,
 }
 
 impl Gathering<'_> {
-    /// Copies one particle that stands at `position` in the world.
-    fn copy(
+    /// Copies the particles of one table, which stand in the world without a parent.
+    fn copy_table(
         &mut self,
-        particle: <ParticleData as bevy::ecs::query::QueryData>::Item<'_, '_>,
-        position: Vec3,
+        table: <ParticleData as bevy::ecs::query::ContiguousQueryData>::Contiguous<'_, '_>,
     ) {
+        let (entities, slots, particles, transforms, velocities, forces, pinned) = table;
+        for row in 0..entities.len() {
+            let (particle, position, velocity) =
+                (&particles[row], transforms[row].translation, &velocities[row]);
+            if !pinned && forces.is_none() && self.copy_unchanged(&slots[row], particle, position, velocity.0)
+            {
+                continue;
+            }
+            let force = forces.map(|forces| &forces[row]);
+            let data = (entities[row], &slots[row], particle, &transforms[row], velocity, force, pinned);
+            self.copy(data, position);
+        }
+    }
+
+    /// Copies the state of a free particle, if all is well with it and its parameters are known already.
+    #[inline]
+    fn copy_unchanged(
+        &mut self,
+        slot: &Slot<Particle>,
+        particle: &Particle,
+        position: Vec3,
+        velocity: Vec3,
+    ) -> bool {
+        let particles = &mut self.simulation.state.particles;
+        let Some(slot) = slot.get() else { return true };
+        // Zero times a finite number is zero; the sum is finite unless one of the six is not, or nearly so.
+        let checksum = (position + velocity).element_sum() * 0.0;
+        let known =
+            1.0 / particle.mass == particles.inverse_mass[slot] && particle.radius == particles.radius[slot];
+        if !known || checksum != 0.0 {
+            return false;
+        }
+        particles.position.set(slot, position);
+        particles.velocity.set(slot, velocity);
+        true
+    }
+
+    /// Copies one particle that stands at `position` in the world.
+    fn copy(&mut self, particle: <ParticleData as QueryData>::Item<'_, '_>, position: Vec3) {
         let (entity, slot, particle, _, velocity, force, pinned) = particle;
         let Some(slot) = slot.get() else { return };
         let state = &mut self.simulation.state;
@@ -129,9 +174,9 @@ impl Gathering<'_> {
         let force = force.map_or(Vec3::ZERO, |force| force.0);
         if let Err(problem) = parameter::finite("applied force", force) {
             self.index.warn_once(entity, format_args!("particle {entity} is not pushed: {problem}"));
+            self.bad_forces.push(entity);
             return Vec3::ZERO;
         }
-        self.index.forgive(entity);
         force
     }
 }
@@ -143,59 +188,4 @@ fn pin(state: &mut SolverState, slot: usize, target: Vec3, fresh: bool, finite: 
     let start = if fresh { target } else { last };
     state.particles.position.set(slot, start);
     state.pinned.push(PinnedMotion { slot, start, target });
-}
-
-/// Enrolls a plane.
-pub(super) fn enroll_plane(added: On<Add, PlaneCollider>, mut index: ResMut<Index>) {
-    index.planes.push((added.entity, None));
-}
-
-/// Strikes a plane off.
-pub(super) fn leave_plane(removed: On<Remove, PlaneCollider>, mut index: ResMut<Index>) {
-    index.planes.retain(|(entity, _)| *entity != removed.entity);
-}
-
-/// Copies all planes, moving from where they were in the last tick to where they are.
-pub(super) fn gather_planes(
-    mut index: ResMut<Index>,
-    mut simulation: ResMut<Simulation>,
-    mut gathered_planes: ResMut<GatheredPlanes>,
-    planes: Query<&PlaneCollider>,
-    parents: Query<&ChildOf>,
-    transforms: Query<&Transform>,
-) {
-    simulation.state.contacts.planes.clear();
-    gathered_planes.0.clear();
-    let mut tracked = std::mem::take(&mut index.planes);
-    for (entity, last_pose) in &mut tracked {
-        let Ok(plane) = planes.get(*entity) else { continue };
-        let (frame, _) = world_transform(*entity, &parents, |entity| transforms.get(entity).ok());
-        let pose = pose_of(&frame);
-        let problem = match pose {
-            None => Some("its transform is not finite".to_owned()),
-            Some(_) => plane.validate().err().map(|problem| problem.to_string()),
-        };
-        if let Some(problem) = problem {
-            index.warn_once(*entity, format_args!("plane {entity} is left out of the simulation: {problem}"));
-            *last_pose = None;
-            continue;
-        }
-        index.forgive(*entity);
-        let Some(target) = pose else { continue };
-        let start = last_pose.replace(target).unwrap_or(target);
-        let PlaneCollider { restitution, friction } = *plane;
-        simulation.state.contacts.planes.push(Plane { start, target, restitution, friction });
-        gathered_planes.0.push(*entity);
-    }
-    index.planes = tracked;
-}
-
-/// The entity of each of the solver's planes.
-#[derive(Resource, Default)]
-pub(super) struct GatheredPlanes(pub Vec<Entity>);
-
-/// A plane's pose: the image of +Y is the normal, whatever the scale.
-fn pose_of(frame: &Affine3A) -> Option<Pose> {
-    let (_, rotation, point) = frame.to_scale_rotation_translation();
-    (point.is_finite() && rotation.is_finite()).then_some(Pose { point, rotation })
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! observers ──► rosters (who exists, in order of spawning)
-//! Gather        index::refresh_index   rosters changed? renumber the slots
+//! Gather        numbering::refresh_index   somebody came or left? slots for them
 //!               gather::*              components ──► arrays
 //! Step          run::run_step          arrays ──► arrays
 //! Scatter       scatter::*             arrays ──► components, messages, reports
@@ -15,6 +15,8 @@ mod easing;
 mod gather;
 mod hierarchy;
 mod index;
+mod numbering;
+mod planes;
 mod restore;
 mod roster;
 mod run;
@@ -49,7 +51,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.init_resource::<Simulation>()
         .init_resource::<index::Index>()
         .init_resource::<gather::Gathered>()
-        .init_resource::<gather::GatheredPlanes>();
+        .init_resource::<planes::GatheredPlanes>();
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
     let _ = app.try_register_required_components::<Spring, Slot<Spring>>();
@@ -60,12 +62,12 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(index::leave::<Spring>)
         .add_observer(index::mark_changed::<Add, Quarantined>)
         .add_observer(index::mark_changed::<Remove, Quarantined>)
-        .add_observer(gather::enroll_plane)
-        .add_observer(gather::leave_plane)
+        .add_observer(planes::enroll_plane)
+        .add_observer(planes::leave_plane)
         .add_systems(
             schedule,
             (
-                (index::refresh_index, gather::gather_particles, gather::gather_planes)
+                (numbering::refresh_index, gather::gather_particles, planes::gather_planes)
                     .chain()
                     .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),

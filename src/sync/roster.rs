@@ -47,14 +47,27 @@ pub(super) struct Entry<Initial> {
 #[derive(Debug)]
 pub(super) struct Roster<Initial> {
     pub entries: Vec<Entry<Initial>>,
-    /// The entity in each slot of the solver.
+    /// The entity in each slot of the solver; a placeholder in a slot that somebody left.
     pub slots: Vec<Entity>,
+    /// How many of the entries have been looked at: those after them have just come.
+    seen: usize,
+    /// The slots of those that have left since.
+    pub departed: Vec<usize>,
+    /// How many slots are empty.
+    pub vacant: usize,
     next_serial: u64,
 }
 
 impl<Initial> Default for Roster<Initial> {
     fn default() -> Self {
-        Self { entries: Vec::new(), slots: Vec::new(), next_serial: 0 }
+        Self {
+            entries: Vec::new(),
+            slots: Vec::new(),
+            seen: 0,
+            departed: Vec::new(),
+            vacant: 0,
+            next_serial: 0,
+        }
     }
 }
 
@@ -65,6 +78,41 @@ impl<Initial> Roster<Initial> {
         slot.set(None);
         self.entries.push(Entry { entity, serial: self.next_serial, initial: None });
         self.next_serial += 1;
+    }
+
+    /// How many came and left since the last look.
+    pub fn news(&self) -> usize {
+        self.entries.len() - self.seen + self.departed.len()
+    }
+
+    /// How many are in the simulation.
+    pub fn live(&self) -> usize {
+        self.slots.len() - self.vacant
+    }
+
+    /// Forgets all slots, so that every entry is looked at again.
+    pub fn start_anew(&mut self) {
+        self.slots.clear();
+        self.departed.clear();
+        (self.seen, self.vacant) = (0, 0);
+    }
+
+    /// The entries that came since the last look; to be [put back](Self::put_back).
+    pub fn new_entries(&mut self) -> Vec<Entry<Initial>> {
+        self.entries.split_off(self.seen)
+    }
+
+    /// Puts back those entries that were looked at and stay.
+    pub fn put_back(&mut self, entries: Vec<Entry<Initial>>) {
+        self.entries.extend(entries);
+        self.seen = self.entries.len();
+    }
+
+    /// Empties a slot; says whether anybody was in it.
+    pub fn vacate(&mut self, slot: usize) -> bool {
+        let left = std::mem::replace(&mut self.slots[slot], Entity::PLACEHOLDER) != Entity::PLACEHOLDER;
+        self.vacant += usize::from(left);
+        left
     }
 }
 

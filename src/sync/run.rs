@@ -14,11 +14,13 @@ use crate::solver::{PairRules, StepSettings, energy, step};
 
 use super::Simulation;
 use super::gather::Gathered;
+use super::index::Index;
 
 /// Runs the tick.
 pub(super) fn run_step(
     mut simulation: ResMut<Simulation>,
     mut planner: Planner,
+    index: Res<Index>,
     gathered: Res<Gathered>,
     mut report: ResMut<TickReport>,
     contacts: Option<Res<Messages<Contact>>>,
@@ -33,8 +35,8 @@ pub(super) fn run_step(
     report.tick += 1;
     report.integrator = settings.scheme.into();
     report.substeps = settings.substeps;
-    report.particles = simulation.state.particles.len();
-    report.springs = simulation.state.springs.len();
+    report.particles = index.particles.live();
+    report.springs = index.springs.live();
     report.contacts = simulation.state.contacts.count();
     report.gather_time = gathered.start.map_or(Duration::ZERO, |gather_start| start - gather_start);
     report.step_time = start.elapsed();

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use bevy::ecs::change_detection::ContiguousMut;
 use bevy::prelude::*;
 
 use crate::collider::Contact;
@@ -11,9 +12,10 @@ use crate::solver::Particles;
 use crate::solver::contacts::{ContactPartner, ContactRecord};
 
 use super::Simulation;
-use super::gather::{Gathered, GatheredPlanes};
+use super::gather::Gathered;
 use super::hierarchy::{to_local, world_transform};
 use super::index::Index;
+use super::planes::GatheredPlanes;
 use super::roster::Slot;
 
 /// All that a tick writes of a particle.
@@ -44,13 +46,25 @@ pub(super) fn scatter_particles(
     let Gathered { parented, faults, scatter_start, .. } = &mut *gathered;
     *scatter_start = Some(Instant::now());
     let particles = &simulation.state.particles;
-    for (slot, mut transform, mut velocity, pinned) in &mut queries.p0() {
-        let Some(slot) = slot.get() else { continue };
-        let new_velocity = finite_velocity(particles, slot, faults);
-        velocity.set_if_neq(ParticleVelocity(new_velocity.unwrap_or_default()));
-        let position = particles.position.get(slot);
-        if new_velocity.is_some() && !pinned && transform.translation != position {
-            transform.translation = position;
+    let mut free_standing = queries.p0();
+    for table in free_standing.contiguous_iter_mut().expect("these components are all stored in tables") {
+        let (slots, transforms, velocities, pinned) = table;
+        let (transforms, mut transform_ticks) = ContiguousMut::bypass_change_detection_split(transforms);
+        let (velocities, mut velocity_ticks) = ContiguousMut::bypass_change_detection_split(velocities);
+        let now = transform_ticks.this_run();
+        for row in 0..slots.len() {
+            let Some(slot) = slots[row].get() else { continue };
+            let new_velocity = finite_velocity(particles, slot, faults);
+            let velocity = ParticleVelocity(new_velocity.unwrap_or_default());
+            if velocities[row] != velocity {
+                velocities[row] = velocity;
+                velocity_ticks.changed_mut()[row] = now;
+            }
+            let position = particles.position.get(slot);
+            if new_velocity.is_some() && !pinned && transforms[row].translation != position {
+                transforms[row].translation = position;
+                transform_ticks.changed_mut()[row] = now;
+            }
         }
     }
     for &(_, slot, entity) in &*parented {
