@@ -29,8 +29,8 @@ impl Command for TakeInitialState {
 /// Puts all particles and springs back into their initial state, bit for bit.
 ///
 /// Positions, velocities, masses, radii, applied forces, pins and the parameters of springs return to
-/// what they were; [quarantined](crate::particle::Quarantined) particles come back; the tick counter
-/// returns to zero. What runs after it repeats what ran before it, to the last bit. Entities that
+/// what they were; [quarantined](crate::particle::Quarantined) particles come back; what was
+/// reported and measured of the last tick is reset, the tick counter with it. What runs after it repeats what ran before it, to the last bit. Entities that
 /// were despawned in the meantime stay so.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RestoreInitialState;

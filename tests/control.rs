@@ -298,6 +298,8 @@ fn measurements_are_those_of_the_last_tick() {
     for path in [&Paths::GATHER_TIME, &Paths::STEP_TIME, &Paths::SCATTER_TIME] {
         assert!(value(path) > 0.0 && value(path) < 1000.0, "{path}");
     }
+    apply(&mut app, RestoreInitialState);
+    assert_eq!(*app.world().resource::<Measurements>(), Measurements::default(), "there was no tick yet");
 }
 
 #[cfg(feature = "interpolation")]

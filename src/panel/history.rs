@@ -76,9 +76,7 @@ impl History {
 /// A tick counter that runs backwards means a restart: the past is forgotten.
 pub(super) fn forget_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
     if report.tick < history.last_tick {
-        history.energy.clear();
-        history.tension.clear();
-        history.last_tick = report.tick;
+        *history = History { last_tick: report.tick, ..default() };
     }
 }
 

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy_egui::egui::{self, DragValue, Ui};
+use bevy_egui::egui::{self, Ui};
 
-use super::widgets::{Scale, TEXT_SIZE, parameter, row, slider};
+use super::widgets::{Scale, TEXT_SIZE, field, parameter, row, slider};
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::particle::{Particle, Pinned};
@@ -19,7 +19,7 @@ pub(super) fn draw_environment(mut ui: InMut<Ui>, mut environment: ResMut<Enviro
         ui.checkbox(&mut edited.gravity_enabled, "").on_hover_text("key g");
         ui.add_enabled_ui(edited.gravity_enabled, |ui| {
             for value in [&mut edited.gravity.x, &mut edited.gravity.y, &mut edited.gravity.z] {
-                ui.add(DragValue::new(value).speed(0.05).range(-100.0..=100.0).max_decimals(2));
+                field(ui, value, -100.0..=100.0);
             }
             ui.label("m/s²");
         });
@@ -103,7 +103,8 @@ pub(super) fn draw_integration(
         let mut automatic = edited.substeps == Substeps::Auto;
         let mut count = if let Substeps::Fixed(count) = edited.substeps { count } else { 4 };
         ui.checkbox(&mut automatic, "Auto");
-        ui.add_enabled(!automatic, egui::Slider::new(&mut count, 1..=200).logarithmic(true));
+        let slider = egui::Slider::new(&mut count, 1..=200).logarithmic(true).update_while_editing(false);
+        ui.add_enabled(!automatic, slider);
         edited.substeps = if automatic { Substeps::Auto } else { Substeps::Fixed(count.max(1)) };
     });
     settings.set_if_neq(edited);

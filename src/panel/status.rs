@@ -7,7 +7,9 @@ use super::RestartWithParameters;
 use super::history::History;
 use super::widgets::{TEXT_SIZE, number};
 use crate::diagnostics::Measurements;
+use crate::particle::{Particle, Quarantined};
 use crate::report::TickReport;
+use crate::spring::Spring;
 use crate::time_control::SingleStep;
 
 /// The buttons, and the state of the clock.
@@ -43,9 +45,12 @@ pub(super) fn draw_cost(
     report: Res<TickReport>,
     measurements: Res<Measurements>,
     history: Res<History>,
+    particles: Query<(), (With<Particle>, Without<Quarantined>)>,
+    springs: Query<(), With<Spring>>,
 ) {
     ui.separator();
-    let TickReport { particles, springs, contacts, integrator, substeps, faults, .. } = &*report;
+    let (particles, springs) = (particles.iter().len(), springs.iter().len());
+    let TickReport { contacts, integrator, substeps, faults, .. } = &*report;
     let cost = history.mean_cost();
     let total = format!("{:.3}", cost[0] + cost[1] + cost[2]);
     let [gather, step, scatter] = cost.map(|milliseconds| format!("{milliseconds:.3}"));

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use bevy_egui::egui::{self, Response, Slider, SliderClamping, Ui};
+use bevy_egui::egui::{self, DragValue, Response, Slider, SliderClamping, Ui};
 
 /// The size of text that comments on other things, in points.
 pub(super) const TEXT_SIZE: f32 = 11.0;
@@ -48,19 +48,33 @@ pub(super) fn slider(
 ) -> Response {
     let least = *range.start();
     let most = if unit.is_empty() { *range.end() } else { f32::MAX };
-    let mut slider = Slider::from_get_set(f64::from(least)..=f64::from(*range.end()), |new| {
-        if let Some(new) = new.filter(|new| new.is_finite()) {
-            *value = (new as f32).clamp(least, most);
-        }
-        f64::from(*value)
-    });
+    let ends = f64::from(least)..=f64::from(*range.end());
+    let mut slider = Slider::from_get_set(ends, |new| take_over(new, value, least..=most));
     if let Scale::Logarithmic(smallest) = scale {
         slider = slider.logarithmic(true).smallest_positive(smallest);
     }
     if !unit.is_empty() {
         slider = slider.suffix(format!(" {unit}"));
     }
-    ui.add(slider.clamping(SliderClamping::Never).custom_formatter(|value, _| number(value)))
+    let slider = slider.clamping(SliderClamping::Never).custom_formatter(|value, _| number(value));
+    ui.add(slider.update_while_editing(false))
+}
+
+/// A number to drag or to type, without a slider.
+pub(super) fn field(ui: &mut Ui, value: &mut f32, range: RangeInclusive<f32>) -> Response {
+    let field = DragValue::from_get_set(|new| take_over(new, value, range.clone())).speed(0.05);
+    ui.add(field.custom_formatter(|value, _| number(value)).update_while_editing(false))
+}
+
+/// Gives `value` what was dragged or typed, and returns it.
+///
+/// A field that was entered and left as it was hands back its rounded text: that is no edit.
+fn take_over(new: Option<f64>, value: &mut f32, range: RangeInclusive<f32>) -> f64 {
+    let shown = number(f64::from(*value)).parse();
+    if let Some(new) = new.filter(|new| new.is_finite() && shown != Ok(*new)) {
+        *value = (new as f32).clamp(*range.start(), *range.end());
+    }
+    f64::from(*value)
 }
 
 /// A line with a name at the left and something at the right, at the same place in each line.
@@ -107,5 +121,21 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
+    }
+
+    #[test]
+    fn what_is_typed_counts_and_an_untouched_field_does_not() {
+        let mut value = 1.0 / 60.0;
+        for (typed, taken) in [
+            (0.01667, 1.0 / 60.0), // the text of the field
+            (0.016671, 0.016671),
+            (f64::NAN, 0.016671),
+            (-1.0, 0.0),
+            (7.0, 2.0),
+        ] {
+            take_over(Some(typed), &mut value, 0.0..=2.0);
+            assert_eq!(value, taken, "{typed}");
+        }
+        assert_eq!(take_over(None, &mut value, 0.0..=2.0), 2.0);
     }
 }

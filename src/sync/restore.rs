@@ -2,6 +2,7 @@
 
 use bevy::prelude::*;
 
+use crate::diagnostics::Measurements;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::TickReport;
 use crate::spring::Spring;
@@ -114,7 +115,8 @@ pub(crate) fn restore_initial_state(world: &mut World) {
     index.particles.slots.clear();
     index.changed = true;
     world.resource_mut::<Simulation>().state.contacts.forget();
-    let mut report = world.resource_mut::<TickReport>();
-    report.tick = 0;
-    report.faults = 0;
+    *world.resource_mut::<TickReport>() = TickReport::default();
+    if let Some(mut measurements) = world.get_resource_mut::<Measurements>() {
+        *measurements = Measurements::default();
+    }
 }

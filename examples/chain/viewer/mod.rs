@@ -19,7 +19,8 @@ pub fn plugin(app: &mut App) {
         MassSpringPanelPlugin,
     ))
     .add_plugins((stage::plugin, looks::plugin, controls::plugin, overlay::plugin))
-    .add_systems(PreStartup, open_first_scene);
+    .add_systems(PreStartup, open_first_scene)
+    .add_systems(First, lay_out);
 }
 
 /// The scene that is open at the start.
@@ -45,7 +46,10 @@ pub struct OpenScene {
     root: Entity,
 }
 
-/// Lays `scene` out in place of the one that is open.
+/// A scene to be laid out in place of the one that is open.
+///
+/// This is done when the next frame begins: what it looks like is added in the course of a frame.
+#[derive(Resource)]
 pub struct LayOut {
     /// The content.
     pub scene: MassSpringScene,
@@ -57,32 +61,30 @@ pub struct LayOut {
     pub with_settings: bool,
 }
 
-impl Command for LayOut {
-    type Out = ();
-
-    fn apply(self, world: &mut World) {
-        if let Some(old) = world.remove_resource::<OpenScene>() {
-            world.despawn(old.root);
-        }
-        if self.with_settings {
-            self.scene.apply_settings(world);
-        }
-        let spawned: SpawnedScene = self.scene.spawn(&mut world.commands());
-        world.flush();
-        let root = world.spawn(spawned).id();
-        let bounds = Bounds::of(&self.scene);
-        let Self { title, preset, .. } = self;
-        world.insert_resource(OpenScene { title, preset, bounds, root });
-        // None of the new entities has a past to return to: this only sets the clock of ticks to zero.
-        RestoreInitialState.apply(world);
+fn lay_out(world: &mut World) {
+    let Some(LayOut { scene, title, preset, with_settings }) = world.remove_resource() else { return };
+    if let Some(old) = world.remove_resource::<OpenScene>() {
+        world.despawn(old.root);
     }
+    if with_settings {
+        scene.apply_settings(world);
+        let viscosity_acts = preset.is_none_or(|preset| presets::ALL[preset].viscosity_acts);
+        world.resource_mut::<Environment>().viscosity_enabled = viscosity_acts;
+    }
+    let spawned: SpawnedScene = scene.spawn(&mut world.commands());
+    world.flush();
+    let root = world.spawn(spawned).id();
+    let bounds = Bounds::of(&scene);
+    world.insert_resource(OpenScene { title, preset, bounds, root });
+    // None of the new entities has a past to return to: this only sets the clock of ticks to zero.
+    RestoreInitialState.apply(world);
 }
 
 fn open_first_scene(first: Res<FirstScene>, mut time: ResMut<Time<Virtual>>, mut commands: Commands) {
     time.pause();
     let FirstScene { scene, title, preset } = &*first;
     let layout = LayOut { scene: scene.clone(), title: title.clone(), preset: *preset, with_settings: true };
-    commands.queue(layout);
+    commands.insert_resource(layout);
 }
 
 /// The room that a scene takes, in m.

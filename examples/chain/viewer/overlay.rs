@@ -149,10 +149,8 @@ fn draw_scene_section(
         let preset = &presets::ALL[chosen];
         time.pause();
         *plan = ChainPlan::default();
-        let title = preset.name.to_owned();
-        commands.queue(LayOut { scene: (preset.build)(), title, preset: Some(chosen), with_settings: true });
-        let acts = preset.viscosity_acts;
-        commands.queue(move |world: &mut World| world.resource_mut::<Environment>().viscosity_enabled = acts);
+        let (scene, title) = ((preset.build)(), preset.name.to_owned());
+        commands.insert_resource(LayOut { scene, title, preset: Some(chosen), with_settings: true });
         return;
     }
     let mut edited = *plan;
@@ -163,13 +161,15 @@ fn draw_scene_section(
             |quantity: &str| if rebuilds { format!("initial {quantity}") } else { quantity.to_owned() };
         if rebuilds {
             ui.label("particles");
-            ui.add(egui::Slider::new(&mut edited.particles, 2..=200).logarithmic(true));
+            let slider = egui::Slider::new(&mut edited.particles, 2..=200).logarithmic(true);
+            ui.add(slider.update_while_editing(false));
             ui.end_row();
         }
         ui.label(initial("velocity"));
         ui.horizontal(|ui| {
             for value in edited.velocity.as_mut() {
-                ui.add(egui::DragValue::new(value).speed(0.05).range(-50.0..=50.0).max_decimals(2));
+                let field = egui::DragValue::new(value).speed(0.05).range(-50.0..=50.0).max_decimals(2);
+                ui.add(field.update_while_editing(false));
             }
             ui.label("m/s");
         });
@@ -177,7 +177,8 @@ fn draw_scene_section(
         ui.label(initial("spin"));
         ui.horizontal(|ui| {
             ui.spacing_mut().slider_width = 64.0;
-            ui.add(egui::Slider::new(&mut edited.spin, -15.0..=15.0).suffix(" rad/s"));
+            let slider = egui::Slider::new(&mut edited.spin, -15.0..=15.0).suffix(" rad/s");
+            ui.add(slider.update_while_editing(false));
             let button = ui.button("Push");
             push |= button.on_hover_text("adds velocity and spin to all free particles now").clicked();
         });
@@ -194,7 +195,7 @@ fn draw_scene_section(
         && let Some(chain) = model.chain(&edited)
     {
         let title = scene.title.clone();
-        commands.queue(LayOut { scene: chain, title, preset: scene.preset, with_settings: false });
+        commands.insert_resource(LayOut { scene: chain, title, preset: scene.preset, with_settings: false });
     }
 }
 
