@@ -201,6 +201,7 @@ fn copy_spring(spring: &Spring, slot: &Slot<Spring>, index: &Index, simulation: 
     springs.rest_length[slot] = spring.rest_length;
     springs.stiffness[slot] = spring.stiffness;
     springs.damping[slot] = spring.damping;
+    simulation.state.contacts.invalidate();
     simulation.bounds_are_stale = true;
     true
 }
