@@ -31,6 +31,12 @@ impl PlaneCollider {
 }
 
 /// Which collisions act, and how particles rebound from each other.
+///
+/// Two particles do not collide with each other
+/// - if a `Spring` joins them whose rest length is shorter than their two radii
+///   together: they overlap at rest, and contact and spring would fight for ever;
+/// - if both hang on springs and they overlap when they are first seen so close, until they have come
+///   apart: to push them apart would stretch the springs, with energy from nowhere.
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]

@@ -119,7 +119,7 @@ pub fn step(state: &mut SolverState, settings: &StepSettings) {
         integrators::advance(state, settings, substep);
         let elapsed = if index + 1 == substeps { 1.0 } else { (index + 1) as f32 / substeps as f32 };
         move_pinned(state, elapsed);
-        state.contacts.resolve(&mut state.particles, settings, substep, elapsed);
+        state.contacts.resolve(&mut state.particles, &state.springs, settings, substep, elapsed);
     }
 }
 

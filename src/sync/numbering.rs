@@ -67,6 +67,7 @@ pub(super) fn refresh_index(
         } else {
             numbering.update(&edits.relinked);
         }
+        simulation.state.contacts.invalidate();
         simulation.bounds_are_stale = true;
     }
 }
@@ -123,6 +124,9 @@ fn copy_spring(spring: &Spring, slot: usize, index: &Index, simulation: &mut Sim
     }
     let known = (springs.stiffness()[slot], springs.damping()[slot]) == (spring.stiffness, spring.damping);
     simulation.bounds_are_stale |= !known;
+    if springs.rest_length()[slot] != spring.rest_length || !known {
+        simulation.state.contacts.invalidate();
+    }
     springs.set_parameters(slot, spring.rest_length, spring.stiffness, spring.damping);
     true
 }
@@ -196,7 +200,6 @@ impl Numbering<'_> {
         }
         let state = &mut self.simulation.state;
         state.particles.vacate(slot);
-        state.contacts.invalidate();
         for spring in state.springs.ending_at(slot) {
             self.suspend(self.index.springs.slots[spring]);
         }

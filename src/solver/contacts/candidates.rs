@@ -7,8 +7,10 @@
 use bevy::math::Vec3;
 
 use crate::solver::particles::{Particles, Vectors};
+use crate::solver::springs::Springs;
 
 use super::grid::Grid;
+use super::joints::Joints;
 
 /// The thinnest skin, as a part of the particle's radius.
 const THIN_SKIN: f32 = 0.25;
@@ -32,6 +34,8 @@ pub(super) struct Candidates {
     starts: Vec<u32>,
     others: Vec<u32>,
     memories: Vec<Memory>,
+    /// Whether each pair, both on springs, has overlapped ever since it was first seen.
+    entangled: Vec<bool>,
     /// The pairs (first, second, index), the lower one first, from the bottom of the world to the top.
     bottom_up: Vec<(u32, u32, u32)>,
     heights: Heights,
@@ -41,6 +45,7 @@ pub(super) struct Candidates {
     /// Positions at the time of the last rebuild.
     origins: Vectors,
     skins: Vec<f32>,
+    joints: Joints,
     stale: bool,
 }
 
@@ -59,6 +64,7 @@ struct OldPairs {
     starts: Vec<u32>,
     others: Vec<u32>,
     memories: Vec<Memory>,
+    entangled: Vec<bool>,
 }
 
 impl Candidates {
@@ -67,6 +73,7 @@ impl Candidates {
         self.starts.clear();
         self.others.clear();
         self.memories.clear();
+        self.entangled.clear();
         self.stale = true;
     }
 
@@ -74,13 +81,14 @@ impl Candidates {
     /// in the same order as before; `None` for those that are gone.
     pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
         let mut starts = vec![0; count + 1];
-        let (mut others, mut memories) = (Vec::new(), Vec::new());
+        let (mut others, mut memories, mut entangled) = (Vec::new(), Vec::new(), Vec::new());
         for (old, new) in new_slots.iter().enumerate() {
             let Some(new) = new else { continue };
             for pair in self.range(old) {
                 if let Some(Some(other)) = new_slots.get(self.others[pair] as usize) {
                     others.push(*other);
                     memories.push(self.memories[pair]);
+                    entangled.push(self.entangled[pair]);
                     starts[*new as usize + 1] += 1;
                 }
             }
@@ -88,32 +96,61 @@ impl Candidates {
         for slot in 0..count {
             starts[slot + 1] += starts[slot];
         }
-        (self.starts, self.others, self.memories) = (starts, others, memories);
+        (self.starts, self.others, self.memories, self.entangled) = (starts, others, memories, entangled);
         self.stale = true;
     }
 
-    /// Asks for a rebuild: a radius has changed.
+    /// Asks for a rebuild: a radius, a mass or a spring has changed.
     pub fn invalidate(&mut self) {
         self.stale = true;
     }
 
     /// Makes the list good for the present positions, for a while that lasts `time_step` seconds.
-    /// `up` points against gravity; zero where there is none.
-    pub fn refresh(&mut self, particles: &Particles, up: Vec3, time_step: f32) {
-        if self.stale || self.skins.len() != particles.len() || self.outrun(particles) {
-            self.rebuild(particles, time_step);
+    /// `previous` are those at the start of the substep; `up` points against gravity, zero where there is none.
+    pub fn refresh(
+        &mut self,
+        particles: &Particles,
+        springs: &Springs,
+        previous: &Vectors,
+        up: Vec3,
+        time_step: f32,
+    ) {
+        let stale = self.stale || self.skins.len() != particles.len();
+        if stale {
+            self.joints.rebuild(particles, springs);
+        }
+        if stale || self.outrun(particles) {
+            self.rebuild(particles, previous, time_step);
             self.sort_bottom_up(particles, up);
         }
     }
 
-    /// The pairs from the bottom up: (lower, upper, index of the pair).
-    pub fn bottom_up(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-        self.bottom_up.iter().map(|&(lower, upper, pair)| (lower as usize, upper as usize, pair as usize))
+    /// The number of pairs.
+    pub fn len(&self) -> usize {
+        self.bottom_up.len()
+    }
+
+    /// A pair, counted from the bottom up: (lower, upper, index of the pair).
+    pub fn bottom_up(&self, rank: usize) -> (usize, usize, usize) {
+        let (lower, upper, pair) = self.bottom_up[rank];
+        (lower as usize, upper as usize, pair as usize)
+    }
+
+    /// Whether springs pull at either of two particles.
+    pub fn is_sprung(&self, a: usize, b: usize) -> bool {
+        self.joints.is_sprung(a) || self.joints.is_sprung(b)
     }
 
     /// What is remembered of a pair.
     pub fn memory(&self, pair: usize) -> Memory {
         self.memories[pair]
+    }
+
+    /// Whether a pair, both on springs, has overlapped ever since it was first seen; not if it is `apart` now.
+    /// Such a pair does not collide: to separate it would stretch the springs, with energy from nowhere.
+    pub fn is_entangled(&mut self, pair: usize, apart: bool) -> bool {
+        self.entangled[pair] &= !apart;
+        self.entangled[pair]
     }
 
     /// Forgets the impulses of every pair.
@@ -141,7 +178,7 @@ impl Candidates {
         })
     }
 
-    fn rebuild(&mut self, particles: &Particles, time_step: f32) {
+    fn rebuild(&mut self, particles: &Particles, previous: &Vectors, time_step: f32) {
         self.stale = false;
         self.origins.copy_from(&particles.position);
         self.skins.clear();
@@ -154,18 +191,20 @@ impl Candidates {
             travel.max(THIN_SKIN * radius).min(THICK_SKIN * radius)
         }));
 
-        let Self { grid, found, skins, .. } = self;
+        let Self { grid, found, skins, joints, .. } = self;
         found.clear();
         let spheres = (0..particles.len())
             .filter(|slot| particles.radius[*slot] > 0.0)
             .map(|slot| (slot as u32, particles.position.get(slot), particles.radius[slot] + skins[slot]));
         grid.for_each_pair(spheres, |a, b| {
-            if particles.inverse_mass[a as usize] + particles.inverse_mass[b as usize] > 0.0 {
-                found.push((a.min(b), a.max(b)));
+            let (a, b) = (a.min(b), a.max(b));
+            let free = particles.inverse_mass[a as usize] + particles.inverse_mass[b as usize] > 0.0;
+            if free && !joints.overlap_at_rest(a, b) {
+                found.push((a, b));
             }
         });
         self.sort_found(particles.len());
-        self.recall();
+        self.recall(particles, previous);
     }
 
     /// Sorts the pairs that the grid found by their first, then their second particle.
@@ -173,6 +212,7 @@ impl Candidates {
         std::mem::swap(&mut self.starts, &mut self.old.starts);
         std::mem::swap(&mut self.others, &mut self.old.others);
         std::mem::swap(&mut self.memories, &mut self.old.memories);
+        std::mem::swap(&mut self.entangled, &mut self.old.entangled);
         self.starts.clear();
         self.starts.resize(count + 1, 0);
         for (a, _) in &self.found {
@@ -231,18 +271,25 @@ impl Candidates {
     }
 
     /// Carries the memories of the old pairs over to the new ones; both are sorted.
-    fn recall(&mut self) {
+    fn recall(&mut self, particles: &Particles, previous: &Vectors) {
         self.memories.clear();
-        self.memories.resize(self.others.len(), Memory::default());
+        self.entangled.clear();
         for (a, bounds) in self.starts.windows(2).enumerate() {
-            let Some(old_bounds) = self.old.starts.get(a..a + 2) else { continue };
+            let old_bounds = self.old.starts.get(a..a + 2).map_or([0, 0], |bounds| [bounds[0], bounds[1]]);
             let mut old = old_bounds[0] as usize;
-            for pair in bounds[0] as usize..bounds[1] as usize {
-                while old < old_bounds[1] as usize && self.old.others[old] < self.others[pair] {
+            for &b in &self.others[bounds[0] as usize..bounds[1] as usize] {
+                while old < old_bounds[1] as usize && self.old.others[old] < b {
                     old += 1;
                 }
-                if old < old_bounds[1] as usize && self.old.others[old] == self.others[pair] {
-                    self.memories[pair] = self.old.memories[old];
+                if old < old_bounds[1] as usize && self.old.others[old] == b {
+                    self.memories.push(self.old.memories[old]);
+                    self.entangled.push(self.old.entangled[old]);
+                } else {
+                    self.memories.push(Memory::default());
+                    let b = b as usize;
+                    let reach = particles.radius[a] + particles.radius[b];
+                    let overlaps = previous.get(a).distance_squared(previous.get(b)) < reach * reach;
+                    self.entangled.push(overlaps && self.joints.is_sprung(a) && self.joints.is_sprung(b));
                 }
             }
         }
@@ -261,9 +308,12 @@ mod tests {
         particles
     }
 
+    fn ranked(candidates: &Candidates) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        (0..candidates.len()).map(|rank| candidates.bottom_up(rank))
+    }
+
     fn listed(candidates: &Candidates) -> Vec<(usize, usize)> {
-        let mut pairs: Vec<_> =
-            candidates.bottom_up().map(|(a, b, pair)| (pair, a.min(b), a.max(b))).collect();
+        let mut pairs: Vec<_> = ranked(candidates).map(|(a, b, pair)| (pair, a.min(b), a.max(b))).collect();
         pairs.sort_unstable();
         pairs.into_iter().map(|(_, a, b)| (a, b)).collect()
     }
@@ -272,19 +322,19 @@ mod tests {
     fn memories_survive_rebuilding_and_renumbering() {
         let mut particles = row(1.0, 4);
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(0, 1), (1, 2), (2, 3)]);
         let memory = Memory { normal: 7.0, friction: Vec3::X };
         candidates.remember(2, memory);
 
         particles.position.set(0, Vec3::X * -5.0);
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(1, 2), (2, 3)]);
         assert_eq!(candidates.memory(1), memory);
 
         candidates.renumber(&[None, Some(0), Some(1), Some(2)], 3);
         particles = row(1.0, 3);
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(0, 1), (1, 2)]);
         assert_eq!(candidates.memory(1), memory);
     }
@@ -293,13 +343,13 @@ mod tests {
     fn the_list_is_good_until_a_skin_is_outrun() {
         let mut particles = row(1.5, 2);
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), []);
         particles.position.set(1, Vec3::X * 1.38);
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [], "still within the skin of 0.125 m");
         particles.position.set(1, Vec3::X * 1.2);
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), [(0, 1)]);
     }
 
@@ -310,8 +360,8 @@ mod tests {
             particles.push(Vec3::Y * height, Vec3::ZERO, 1.0, 0.6);
         }
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, Vec3::Y, 0.01);
-        let pairs: Vec<_> = candidates.bottom_up().map(|(lower, upper, _)| (lower, upper)).collect();
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
+        let pairs: Vec<_> = ranked(&candidates).map(|(lower, upper, _)| (lower, upper)).collect();
         assert_eq!(pairs, [(1, 2), (2, 0)]);
     }
 
@@ -322,7 +372,7 @@ mod tests {
         particles.inverse_mass[1] = 0.0;
         particles.inverse_mass[2] = 0.0;
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, Vec3::Y, 0.01);
+        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         assert_eq!(listed(&candidates), []);
     }
 }

@@ -9,6 +9,7 @@
 mod bodies;
 mod candidates;
 mod grid;
+mod joints;
 mod pairs;
 mod plane;
 mod response;
@@ -17,6 +18,7 @@ use bevy::math::Vec3;
 
 use super::StepSettings;
 use super::particles::{Particles, Vectors};
+use super::springs::Springs;
 use bodies::Body;
 use candidates::Candidates;
 use pairs::PairContact;
@@ -103,7 +105,7 @@ impl Contacts {
         self.candidates.clear();
     }
 
-    /// To be called when a radius or a mass has changed.
+    /// To be called when a radius, a mass or a spring has changed.
     pub fn invalidate(&mut self) {
         self.candidates.invalidate();
     }
@@ -137,11 +139,12 @@ impl Contacts {
     pub(super) fn resolve(
         &mut self,
         particles: &mut Particles,
+        springs: &Springs,
         settings: &StepSettings,
         substep: f32,
         elapsed: f32,
     ) {
-        self.find(particles, settings, substep, elapsed);
+        self.find(particles, springs, settings, substep, elapsed);
         if self.count() == 0 {
             return;
         }
@@ -158,7 +161,14 @@ impl Contacts {
         }
     }
 
-    fn find(&mut self, particles: &Particles, settings: &StepSettings, substep: f32, elapsed: f32) {
+    fn find(
+        &mut self,
+        particles: &Particles,
+        springs: &Springs,
+        settings: &StepSettings,
+        substep: f32,
+        elapsed: f32,
+    ) {
         let rules = settings.pair_rules.unwrap_or_default();
         let rebound = Rebound {
             restitution: rules.restitution,
@@ -178,7 +188,7 @@ impl Contacts {
         }
         if settings.pair_rules.is_some() {
             let up = -settings.gravity.normalize_or_zero();
-            self.candidates.refresh(particles, up, settings.time_step);
+            self.candidates.refresh(particles, springs, &self.previous, up, settings.time_step);
             bodies::fill(&mut self.bodies, particles);
             let Self { candidates, bodies, pair_contacts, .. } = self;
             pairs::find(candidates, bodies, &particles.acceleration, rebound, pair_contacts);
@@ -249,9 +259,9 @@ impl Contacts {
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, surfaces, bodies, previous, .. } = self;
+        let Self { pair_contacts, plane_contacts, surfaces, bodies, previous, holds, .. } = self;
         for _ in 0..POSITION_ROUNDS {
-            pairs::solve_positions(pair_contacts, rules, bodies, previous);
+            pairs::solve_positions(pair_contacts, rules, bodies, previous, holds);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, previous, substep);
             }
@@ -270,11 +280,16 @@ impl Contacts {
             });
         }
         for contact in &self.pair_contacts {
-            let normal = contact.normal;
+            // The same way round whoever is the upper one, as that may change within a tick.
+            let (slot, other, normal) = if contact.first < contact.second {
+                (contact.first, contact.second, contact.normal)
+            } else {
+                (contact.second, contact.first, -contact.normal)
+            };
             self.records.push(ContactRecord {
-                slot: contact.first,
-                other: ContactPartner::Particle(contact.second),
-                point: particles.position.get(contact.first) - normal * particles.radius[contact.first],
+                slot,
+                other: ContactPartner::Particle(other),
+                point: particles.position.get(slot) - normal * particles.radius[slot],
                 normal,
                 impulse: contact.impulses.normal,
             });

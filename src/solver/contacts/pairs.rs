@@ -36,6 +36,8 @@ pub(super) struct PairContact {
     resting: bool,
     /// Whether the lower particle carries the upper one and cannot give way.
     supports: bool,
+    /// Whether springs pull at either.
+    sprung: bool,
 }
 
 impl PairContact {
@@ -83,13 +85,17 @@ pub(super) fn find(
     found: &mut Vec<PairContact>,
 ) {
     found.clear();
-    for (second, first, pair) in candidates.bottom_up() {
+    for index in 0..candidates.len() {
+        let (second, first, pair) = candidates.bottom_up(index);
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let squared = separation.length_squared();
         let most = reach + rebound.slop;
         if squared > most * most || squared.is_nan() {
+            continue;
+        }
+        if candidates.is_entangled(pair, squared > reach * reach) {
             continue;
         }
         let distance = squared.sqrt();
@@ -114,6 +120,7 @@ pub(super) fn find(
             impulses: candidates.memory(pair),
             resting,
             supports: false,
+            sprung: candidates.is_sprung(first, second),
         });
     }
     candidates.forget_all();
@@ -163,25 +170,33 @@ pub(super) fn solve_velocities(
     corrected
 }
 
-/// The part of its overlap that a resting pair is separated by in each round. A pile is lifted gently:
-/// each pair shares its particles with others, which would be hit by the whole correction.
+/// The part of its overlap that a resting pair in a pile is separated by in each round: it shares its
+/// particles with others, which would be hit by the whole correction.
 const RESTING_CORRECTION: f32 = 0.5;
 
-/// The overlap that a resting pair may keep, as a part of its reach.
+/// The overlap that a resting pair in a pile may keep, as a part of its reach.
 const RESTING_OVERLAP: f32 = 0.001;
 
+/// The part of an older overlap that a pair on springs is separated by in each round. To separate it
+/// lifts the springs that press it together; whatever is more than undoing its approach in this substep
+/// would give them energy that nobody pays for.
+const SPRUNG_CORRECTION: f32 = 0.01;
+
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
-/// where they stuck. `previous` are the positions at the start of the substep.
+/// where they stuck. `previous` are the positions at the start of the substep, `holds` how many resting
+/// contacts each particle has.
 pub(super) fn solve_positions(
     contacts: &[PairContact],
     rules: PairRules,
     bodies: &mut [Body],
     previous: &Vectors,
+    holds: &[u32],
 ) {
     for contact in contacts {
         let depth = contact.depth(bodies);
         let (first, second) = (contact.first, contact.second);
-        let (most, part) = if contact.resting {
+        let shared = contact.resting && holds[first] + holds[second] > 2;
+        let (most, part) = if shared {
             (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
         } else {
             (0.0, 1.0)
@@ -189,7 +204,15 @@ pub(super) fn solve_positions(
         if depth <= most {
             continue;
         }
-        let depth = part * (depth - most);
+        let mut depth = part * (depth - most);
+        if contact.sprung {
+            let moved = |slot: usize| bodies[slot].position - previous.get(slot);
+            let approached = (moved(second) - moved(first)).dot(contact.normal);
+            depth = depth.min(approached + SPRUNG_CORRECTION * depth);
+            if depth <= 0.0 {
+                continue;
+            }
+        }
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
             let moved = |slot: usize| bodies[slot].position - previous.get(slot);

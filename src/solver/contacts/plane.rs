@@ -78,6 +78,11 @@ impl Surface {
         radius - (position - self.point).dot(self.normal)
     }
 
+    /// How far above the surface the sphere may be found that was projected onto it, m.
+    fn rounding(&self, position: Vec3, radius: f32) -> f32 {
+        4.0 * f32::EPSILON * (position.abs().max_element() + self.point.abs().max_element() + radius)
+    }
+
     fn velocity_at(&self, position: Vec3) -> Vec3 {
         self.velocity + self.angular_velocity.cross(position - self.point)
     }
@@ -106,14 +111,14 @@ pub(super) fn find(
     for (slot, &radius) in particles.radius.iter().enumerate() {
         let position = particles.position.get(slot);
         let depth = surface.depth(position, radius);
-        if depth < 0.0 || depth.is_nan() || particles.inverse_mass[slot] == 0.0 {
+        if !(depth >= -surface.rounding(position, radius)) || particles.inverse_mass[slot] == 0.0 {
             continue;
         }
         let surface_velocity = surface.velocity_at(position);
         let approach = Approach {
             velocity: (particles.velocity.get(slot) - surface_velocity).dot(surface.normal),
             acceleration: particles.acceleration.get(slot).dot(surface.normal),
-            depth,
+            depth: depth.max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
         found.push(PlaneContact { slot, plane, surface_velocity, target_velocity, impulse: 0.0 });
