@@ -129,8 +129,7 @@ fn an_edited_net_goes_on_like_one_made_anew() {
             let difference = position(&app, *particle) - position(&copy, *twin);
             assert!(difference.length() < tolerance, "round {round}, {particle}: {difference}");
         }
-        let (report, expected) =
-            (app.world().resource::<TickReport>(), copy.world().resource::<TickReport>());
-        assert_eq!((report.particles, report.springs), (expected.particles, expected.springs));
+        let counts = |app: &App| (report(app).particles, report(app).springs);
+        assert_eq!(counts(&app), counts(&copy));
     }
 }

@@ -3,15 +3,19 @@
 use std::time::Instant;
 
 use bevy::ecs::query::QueryData;
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use crate::collider::PlaneCollider;
 use crate::parameter;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned};
 use crate::solver::{PinnedMotion, SolverState};
 
 use super::Simulation;
-use super::hierarchy::{to_world, world_transform};
+use super::hierarchy::{Hierarchy, to_world};
 use super::index::Index;
+use super::numbering::{self, Candidates, EditedSprings};
+use super::planes::{GatheredPlanes, gather_planes};
 use super::roster::Slot;
 
 /// What this tick found out about single particles.
@@ -19,8 +23,6 @@ use super::roster::Slot;
 pub(super) struct Gathered {
     /// When the tick began.
     pub start: Option<Instant>,
-    /// When the scatter stage began.
-    pub scatter_start: Option<Instant>,
     /// Particles with a parent: (number of ancestors, slot, entity).
     pub parented: Vec<(usize, usize, Entity)>,
     /// Slots whose position or velocity came in non-finite.
@@ -40,34 +42,57 @@ type ParticleData = (
     Has<Pinned>,
 );
 
-/// Copies all particles into their slots: those without a parent by whole tables, the others one by one.
-pub(super) fn gather_particles(
+/// The particles without and with a parent.
+#[derive(SystemParam)]
+pub(super) struct Particles<'w, 's> {
+    free_standing: Query<'w, 's, ParticleData, Without<ChildOf>>,
+    parented: Query<'w, 's, (ParticleData, &'static ChildOf)>,
+}
+
+/// The whole stage, one system: each costs more to start than what there is to do in a small scene.
+pub(super) fn gather(
     mut index: ResMut<Index>,
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
-    free_standing: Query<ParticleData, Without<ChildOf>>,
-    parented: Query<(ParticleData, &ChildOf)>,
-    parents: Query<&ChildOf>,
-    transforms: Query<&Transform>,
+    mut gathered_planes: ResMut<GatheredPlanes>,
+    mut queries: ParamSet<(Query<EditedSprings>, Candidates, Particles)>,
+    planes: Query<&PlaneCollider>,
+    hierarchy: Hierarchy,
+) {
+    gathered.start = Some(Instant::now());
+    let (index, simulation) = (&mut *index, &mut *simulation);
+    let edits = numbering::copy_edited_springs(index, simulation, &queries.p0());
+    numbering::refresh_slots(index, simulation, &edits, queries.p1());
+    gather_particles(index, simulation, &mut gathered, &queries.p2(), &hierarchy);
+    gather_planes(index, simulation, &mut gathered_planes, &planes, &hierarchy);
+}
+
+/// Copies all particles into their slots: those without a parent by whole tables, the others one by one.
+fn gather_particles(
+    index: &mut Index,
+    simulation: &mut Simulation,
+    gathered: &mut Gathered,
+    particles: &Particles,
+    hierarchy: &Hierarchy,
 ) {
     let Gathered { parented: parented_slots, faults, bad_forces: [old_bad_forces, bad_forces], .. } =
-        &mut *gathered;
+        gathered;
     parented_slots.clear();
     faults.clear();
     std::mem::swap(old_bad_forces, bad_forces);
     bad_forces.clear();
-    let simulation = &mut *simulation;
     simulation.state.pinned.clear();
     simulation.state.particles.applied_force.fill(Vec3::ZERO);
-    let mut gathering = Gathering { index: &mut index, simulation, faults, bad_forces };
-    for table in free_standing.contiguous_iter().expect("these components are all stored in tables") {
+    let mut gathering = Gathering { index, simulation, faults, bad_forces };
+    let tables = particles.free_standing.contiguous_iter();
+    for table in tables.expect("these components are all stored in tables") {
         gathering.copy_table(table);
     }
     let mut known_parent = None;
-    for (particle, &ChildOf(parent)) in &parented {
+    for (particle, &ChildOf(parent)) in &particles.parented {
         let (frame, depth) = match known_parent {
             Some((known, frame, depth)) if known == parent => (frame, depth),
-            _ => world_transform(parent, &parents, |entity| transforms.get(entity).ok()),
+            _ => hierarchy.world_transform(parent),
         };
         known_parent = Some((parent, frame, depth));
         gathering.copy(particle, to_world(&frame, particle.3.translation));

@@ -1,7 +1,22 @@
 //! World transforms of parents, up to date within the tick (`GlobalTransform` is a frame old here).
 
+use bevy::ecs::system::SystemParam;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
+
+/// Who is whose child, and where everything is.
+#[derive(SystemParam)]
+pub(super) struct Hierarchy<'w, 's> {
+    parents: Query<'w, 's, &'static ChildOf>,
+    transforms: Query<'w, 's, &'static Transform>,
+}
+
+impl Hierarchy<'_, '_> {
+    /// See [`world_transform`].
+    pub fn world_transform(&self, entity: Entity) -> (Affine3A, usize) {
+        world_transform(entity, &self.parents, |entity| self.transforms.get(entity).ok())
+    }
+}
 
 /// The world transform of `entity`, composed from the present `Transform`s of it and its ancestors;
 /// and how many ancestors it has. Entities without a `Transform` count as the identity.

@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! observers ──► rosters (who exists, in order of spawning)
-//! Gather        numbering::refresh_index   somebody came or left? slots for them
-//!               gather::*              components ──► arrays
-//! Step          run::run_step          arrays ──► arrays
-//! Scatter       scatter::*             arrays ──► components, messages, reports
+//! Gather        gather::gather      numbering: somebody came or left? slots for them
+//!                                   components ──► arrays
+//! Step          run::run_step       arrays ──► arrays
+//! Scatter       scatter::scatter    arrays ──► components, messages, reports
 //! ```
 //!
 //! Each particle and each spring carries its slot in a component of its own, so that a tick copies
@@ -67,11 +67,9 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_systems(
             schedule,
             (
-                (numbering::refresh_index, gather::gather_particles, planes::gather_planes)
-                    .chain()
-                    .in_set(MassSpringSystems::Gather),
+                gather::gather.in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
-                (scatter::scatter_particles, scatter::publish).chain().in_set(MassSpringSystems::Scatter),
+                scatter::scatter.in_set(MassSpringSystems::Scatter),
             ),
         );
 }

@@ -1,7 +1,6 @@
 //! Slots for who came, and empty slots where somebody left; all anew only when too many are empty.
 
-use std::time::Instant;
-
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
 use crate::parameter::{self, InvalidParameter};
@@ -9,7 +8,6 @@ use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quaranti
 use crate::spring::Spring;
 
 use super::Simulation;
-use super::gather::Gathered;
 use super::index::Index;
 use super::restore::InitialParticle;
 use super::roster::{Roster, Slot};
@@ -31,27 +29,24 @@ type ParticleData = (
 
 type SpringData = (&'static Spring, &'static mut Slot<Spring>);
 
-/// The springs: first those that changed, then those that get slots.
-type SpringQueries<'w, 's> = ParamSet<
-    'w,
-    's,
-    (
-        Query<'static, 'static, (Entity, Ref<'static, Spring>, &'static Slot<Spring>)>,
-        Query<'static, 'static, SpringData>,
-    ),
->;
+/// Springs and whether they were edited.
+pub(super) type EditedSprings = (Entity, Ref<'static, Spring>, &'static Slot<Spring>);
 
-/// Copies the parameters of edited springs, and gives slots to who came.
-pub(super) fn refresh_index(
-    mut index: ResMut<Index>,
-    mut simulation: ResMut<Simulation>,
-    mut gathered: ResMut<Gathered>,
-    particles: Query<ParticleData>,
-    mut springs: SpringQueries,
+/// Who may get a slot.
+#[derive(SystemParam)]
+pub(super) struct Candidates<'w, 's> {
+    particles: Query<'w, 's, ParticleData>,
+    springs: Query<'w, 's, SpringData>,
+}
+
+/// Gives slots to who came, and takes them from who left.
+pub(super) fn refresh_slots(
+    index: &mut Index,
+    simulation: &mut Simulation,
+    edits: &Edits,
+    candidates: Candidates,
 ) {
-    gathered.start = Some(Instant::now());
-    let (index, simulation) = (&mut *index, &mut *simulation);
-    let edits = copy_edited_springs(index, simulation, &springs.p0());
+    let Candidates { particles, springs } = candidates;
     let mended = |entity: &Entity| {
         particles.get(*entity).is_ok_and(|(particle, transform, velocity, ..)| {
             check_particle(particle, transform, velocity).is_ok()
@@ -61,7 +56,7 @@ pub(super) fn refresh_index(
     index.changed |= wants_renumbering(&index.particles) || wants_renumbering(&index.springs);
     let news = index.particles.news() + index.springs.news();
     if index.changed || news > 0 || edits.retry {
-        let mut numbering = Numbering { index, simulation, particles, springs: springs.p1() };
+        let mut numbering = Numbering { index, simulation, particles, springs };
         if numbering.index.changed {
             numbering.renumber();
         } else {
@@ -79,17 +74,18 @@ fn wants_renumbering<Initial>(roster: &Roster<Initial>) -> bool {
 
 /// What became of the springs that somebody edited.
 #[derive(Default)]
-struct Edits {
+pub(super) struct Edits {
     /// Springs in the simulation that are now bad, or have other ends.
     relinked: Vec<Entity>,
     /// Whether springs may have been mended.
     retry: bool,
 }
 
-fn copy_edited_springs(
+/// Copies the parameters of the springs that were edited.
+pub(super) fn copy_edited_springs(
     index: &mut Index,
     simulation: &mut Simulation,
-    springs: &Query<(Entity, Ref<Spring>, &Slot<Spring>)>,
+    springs: &Query<EditedSprings>,
 ) -> Edits {
     let mut edits = Edits::default();
     for table in springs.contiguous_iter().expect("these components are all stored in tables") {

@@ -7,7 +7,7 @@ use crate::collider::PlaneCollider;
 use crate::solver::contacts::{Plane, Pose};
 
 use super::Simulation;
-use super::hierarchy::world_transform;
+use super::hierarchy::Hierarchy;
 use super::index::Index;
 
 /// Enrolls a plane.
@@ -22,19 +22,18 @@ pub(super) fn leave_plane(removed: On<Remove, PlaneCollider>, mut index: ResMut<
 
 /// Copies all planes, moving from where they were in the last tick to where they are.
 pub(super) fn gather_planes(
-    mut index: ResMut<Index>,
-    mut simulation: ResMut<Simulation>,
-    mut gathered_planes: ResMut<GatheredPlanes>,
-    planes: Query<&PlaneCollider>,
-    parents: Query<&ChildOf>,
-    transforms: Query<&Transform>,
+    index: &mut Index,
+    simulation: &mut Simulation,
+    gathered_planes: &mut GatheredPlanes,
+    planes: &Query<&PlaneCollider>,
+    hierarchy: &Hierarchy,
 ) {
     simulation.state.contacts.planes.clear();
     gathered_planes.0.clear();
     let mut tracked = std::mem::take(&mut index.planes);
     for (entity, last_pose) in &mut tracked {
         let Ok(plane) = planes.get(*entity) else { continue };
-        let (frame, _) = world_transform(*entity, &parents, |entity| transforms.get(entity).ok());
+        let (frame, _) = hierarchy.world_transform(*entity);
         let pose = pose_of(&frame);
         let problem = match pose {
             None => Some("its transform is not finite".to_owned()),

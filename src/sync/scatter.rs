@@ -1,8 +1,9 @@
 //! Arrays back into components, and what the tick has to tell.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bevy::ecs::change_detection::ContiguousMut;
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
 use crate::collider::Contact;
@@ -33,18 +34,37 @@ type ParticleQueries<'w, 's> = ParamSet<
     ),
 >;
 
-/// Copies positions and velocities back, and notes which are not finite.
-pub(super) fn scatter_particles(
+/// The whole stage, one system.
+pub(super) fn scatter(
     simulation: Res<Simulation>,
+    index: Res<Index>,
     mut gathered: ResMut<Gathered>,
+    planes: Res<GatheredPlanes>,
     mut queries: ParticleQueries,
     parents: Query<&ChildOf>,
+    mut report: ResMut<TickReport>,
+    mut publications: Publications,
 ) {
     if simulation.settings.is_none() {
         return;
     }
-    let Gathered { parented, faults, scatter_start, .. } = &mut *gathered;
-    *scatter_start = Some(Instant::now());
+    let start = Instant::now();
+    scatter_particles(&simulation, &mut gathered, &mut queries, &parents);
+    publications.report_faults(&index, &mut gathered.faults, &mut report);
+    if let Some(messages) = &mut publications.contacts {
+        messages.write_batch(merged_contacts(&simulation, &index, &planes.0));
+    }
+    report.scatter_time = start.elapsed();
+}
+
+/// Copies positions and velocities back, and notes which are not finite.
+fn scatter_particles(
+    simulation: &Simulation,
+    gathered: &mut Gathered,
+    queries: &mut ParticleQueries,
+    parents: &Query<&ChildOf>,
+) {
+    let Gathered { parented, faults, .. } = gathered;
     let particles = &simulation.state.particles;
     let mut free_standing = queries.p0();
     for table in free_standing.contiguous_iter_mut().expect("these components are all stored in tables") {
@@ -73,7 +93,7 @@ pub(super) fn scatter_particles(
         let Ok((mut velocity, pinned)) = velocities.get_mut(entity) else { continue };
         velocity.set_if_neq(ParticleVelocity(new_velocity.unwrap_or_default()));
         if new_velocity.is_some() && !pinned {
-            move_child(entity, particles.position.get(slot), &parents, &mut queries.p2());
+            move_child(entity, particles.position.get(slot), parents, &mut queries.p2());
         }
     }
 }
@@ -106,36 +126,29 @@ fn move_child(
     }
 }
 
-/// Reports faults and contacts.
-pub(super) fn publish(
-    mut commands: Commands,
-    simulation: Res<Simulation>,
-    index: Res<Index>,
-    mut gathered: ResMut<Gathered>,
-    planes: Res<GatheredPlanes>,
-    mut report: ResMut<TickReport>,
-    mut faults: MessageWriter<ParticleFault>,
-    contacts: Option<ResMut<Messages<Contact>>>,
-) {
-    if simulation.settings.is_none() {
-        return;
+/// What the tick has to tell.
+#[derive(SystemParam)]
+pub(super) struct Publications<'w, 's> {
+    commands: Commands<'w, 's>,
+    faults: MessageWriter<'w, ParticleFault>,
+    contacts: Option<ResMut<'w, Messages<Contact>>>,
+}
+
+impl Publications<'_, '_> {
+    fn report_faults(&mut self, index: &Index, faults: &mut Vec<usize>, report: &mut TickReport) {
+        faults.sort_unstable();
+        faults.dedup();
+        for slot in faults.drain(..) {
+            let particle = index.particles.slots[slot];
+            log::error!(
+                "particle {particle} became non-finite in tick {} and was taken out of the simulation",
+                report.tick
+            );
+            self.faults.write(ParticleFault { particle, tick: report.tick });
+            self.commands.entity(particle).try_insert(Quarantined);
+            report.faults += 1;
+        }
     }
-    gathered.faults.sort_unstable();
-    gathered.faults.dedup();
-    for slot in gathered.faults.drain(..) {
-        let particle = index.particles.slots[slot];
-        log::error!(
-            "particle {particle} became non-finite in tick {} and was taken out of the simulation",
-            report.tick
-        );
-        faults.write(ParticleFault { particle, tick: report.tick });
-        commands.entity(particle).try_insert(Quarantined);
-        report.faults += 1;
-    }
-    if let Some(mut messages) = contacts {
-        messages.write_batch(merged_contacts(&simulation, &index, &planes.0));
-    }
-    report.scatter_time = gathered.scatter_start.map_or(Duration::ZERO, |start| start.elapsed());
 }
 
 /// One contact for each touching pair: the last record of the tick with the impulses of all substeps.

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use bevy::app::{ScheduleRunnerPlugin, TaskPoolOptions, TaskPoolPlugin, TaskPoolThreadAssignmentPolicy};
+use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy::tasks::{ComputeTaskPool, available_parallelism};
 use bevy::time::TimeUpdateStrategy;
@@ -64,6 +65,10 @@ impl Simulation {
         app.world_mut().flush();
         app.finish();
         app.cleanup();
+        // All systems run in a row: threads are for the solver alone, and not woken for anything else.
+        for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+            schedule.set_executor(SingleThreadedExecutor::new());
+        }
         // The first update only starts the clocks: it runs no tick.
         app.update();
         Self { app, spawned, ticks: 0, fault: None }
