@@ -73,7 +73,7 @@ fn print_row(scene: &str, peer: &str) -> std::io::Result<()> {
 /// that panics or hangs does not stop the rest.
 fn row_of_own_process(scene: &Scene, entry: &Entry) -> std::io::Result<String> {
     let mut process = Command::new(std::env::current_exe()?)
-        .args([ROW, &scene.name, &entry.name])
+        .args([ROW, scene.name, &entry.name])
         .stdout(Stdio::piped())
         .spawn()?;
     let start = Instant::now();

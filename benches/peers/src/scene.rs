@@ -15,7 +15,7 @@ const SPACING: f32 = 0.1;
 
 /// A net of equal particles and equal springs, at rest at the start and let go.
 pub struct Scene {
-    pub name: String,
+    pub name: &'static str,
     /// Where the particles start, m.
     pub positions: Vec<Vec3>,
     /// The particles that do not move.
@@ -33,7 +33,13 @@ pub struct Scene {
 impl Scene {
     /// All scenes, in the order of the tables.
     pub fn all() -> Vec<Self> {
-        vec![rope(100), rope(1_000), rope(10_000), cloth(32), cloth(100)]
+        vec![
+            rope("rope of 100", 100),
+            rope("rope of 1,000", 1_000),
+            rope("rope of 10,000", 10_000),
+            cloth("cloth of 32²", 32),
+            cloth("cloth of 100²", 100),
+        ]
     }
 
     /// The length at which a spring starts, and at which it exerts no force, m.
@@ -59,9 +65,9 @@ impl Scene {
 }
 
 /// A rope along +X whose first particle is pinned.
-fn rope(count: usize) -> Scene {
+fn rope(name: &'static str, count: usize) -> Scene {
     Scene {
-        name: format!("rope of {count}"),
+        name,
         positions: (0..count).map(|number| Vec3::X * SPACING * number as f32).collect(),
         pinned: vec![0],
         springs: (1..count).map(|number| [number - 1, number]).collect(),
@@ -72,7 +78,7 @@ fn rope(count: usize) -> Scene {
 }
 
 /// A horizontal square cloth, two neighbouring corners pinned.
-fn cloth(side: usize) -> Scene {
+fn cloth(name: &'static str, side: usize) -> Scene {
     let mut springs = Vec::new();
     // Structural (to the right and below), shear (both diagonals), and over one's neighbour.
     for (columns, rows) in [(1, 0), (0, 1), (1, 1), (-1, 1), (2, 0), (0, 2)] {
@@ -86,7 +92,7 @@ fn cloth(side: usize) -> Scene {
     let place =
         |particle: usize| Vec3::new((particle % side) as f32, 0.0, (particle / side) as f32) * SPACING;
     Scene {
-        name: format!("cloth of {side}²"),
+        name,
         positions: (0..side * side).map(place).collect(),
         pinned: vec![0, side - 1],
         springs,

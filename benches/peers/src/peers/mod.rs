@@ -25,10 +25,13 @@ pub trait Peer {
     fn substeps(&self) -> u32;
 }
 
+/// Builds a peer and its scene, ready for the first tick.
+type Start = Box<dyn Fn(&Scene) -> Box<dyn Peer>>;
+
 /// A peer with its settings: a row of each table.
 pub struct Entry {
     pub name: String,
-    pub start: Box<dyn Fn(&Scene) -> Box<dyn Peer>>,
+    pub start: Start,
 }
 
 /// All rows, in their order.
