@@ -19,7 +19,7 @@ pub(super) const SHORTEST_RUN: usize = 8;
 const TILE: usize = 1024;
 
 /// Blocks have at least so many particles: below, a thread costs more to wake than it saves.
-const SMALLEST_BLOCK: usize = 2048;
+pub(super) const SMALLEST_BLOCK: usize = 2048;
 
 /// The part of the springs that may be listed twice: a larger block is taken until no more are.
 const MOST_CUT: f32 = 0.04;
@@ -171,6 +171,11 @@ impl Batches {
     /// Whether there is so much work in an evaluation that other threads should help.
     pub fn are_worth_sharing(&self) -> bool {
         self.blocks.len() > 1
+    }
+
+    /// How many springs are in no run; those between two blocks count twice.
+    pub fn loose(&self) -> usize {
+        self.blocks.iter().map(|block| block.loose.len()).sum()
     }
 
     /// Changes the parameters of a spring.

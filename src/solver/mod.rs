@@ -34,6 +34,7 @@ pub mod energy;
 pub mod forces;
 pub mod integrators;
 mod kernel;
+pub mod ordering;
 pub mod particles;
 pub mod springs;
 pub mod stability;

@@ -70,6 +70,14 @@ impl Springs {
         self.batches.set_parameters(index, [rest_length, stiffness, damping]);
     }
 
+    /// Renames the particles: `new_slots[old]` is the new slot of each.
+    pub fn renumber(&mut self, new_slots: &[u32]) {
+        for end in self.first.iter_mut().chain(&mut self.second) {
+            *end = new_slots[*end as usize];
+        }
+        self.batches.invalidate();
+    }
+
     /// The two ends of spring `index`.
     #[inline]
     pub fn ends(&self, index: usize) -> (usize, usize) {

@@ -5,6 +5,7 @@ use bevy::prelude::*;
 
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::solver::ordering;
 use crate::spring::Spring;
 
 use super::Simulation;
@@ -167,8 +168,31 @@ impl Numbering<'_> {
             new_slots[old] = Some(new as u32);
             Some(old_positions.get(old))
         });
-        self.simulation.state.contacts.renumber(&new_slots, self.index.particles.slots.len());
         self.admit_new_springs();
+        let state = &mut self.simulation.state;
+        match ordering::better_order(&mut state.springs, state.particles.len()) {
+            Some(order) => self.reorder(&order),
+            None => state.contacts.renumber(&new_slots, self.index.particles.slots.len()),
+        }
+    }
+
+    /// Gives each particle the slot of its place in `order`.
+    fn reorder(&mut self, order: &[u32]) {
+        let mut new_slots = vec![0; order.len()];
+        let (slots, fresh) = (self.index.particles.slots.clone(), self.index.fresh.clone());
+        let state = &mut self.simulation.state;
+        let positions = state.particles.position.clone();
+        for (new, old) in order.iter().map(|old| *old as usize).enumerate() {
+            new_slots[old] = new as u32;
+            self.index.particles.slots[new] = slots[old];
+            self.index.fresh[new] = fresh[old];
+            state.particles.position.set(new, positions.get(old));
+            if let Ok((.., mut slot)) = self.particles.get_mut(slots[old]) {
+                slot.set(Some(new));
+            }
+        }
+        state.springs.renumber(&new_slots);
+        state.contacts.forget();
     }
 
     /// Empties the slots of those who left and appends those who came.

@@ -1,0 +1,81 @@
+//! In steady state a tick allocates nothing: neither the solver nor the copying in and out.
+
+mod common;
+
+use allocation_counter::measure;
+use bevy::ecs::schedule::SingleThreadedExecutor;
+use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
+use bevy_mass_spring::solver::{PairRules, Plane, Scheme, SolverState, StepSettings, step};
+
+use common::{app, join, run, spawn, spawn_pinned};
+
+const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
+
+/// A cloth of 20 × 20 that swings, and 60 balls that fall into a heap.
+fn state() -> SolverState {
+    let mut state = SolverState::default();
+    for slot in 0..400_usize {
+        let mass = if slot == 0 { f32::INFINITY } else { 0.1 };
+        let place = Vec3::new((slot % 20) as f32 * 0.1, 20.0, (slot / 20) as f32 * 0.1);
+        state.particles.push(place, Vec3::ZERO, mass, 0.0);
+        for (neighbour, exists) in
+            [(slot.wrapping_sub(1), slot % 20 > 0), (slot.wrapping_sub(20), slot >= 20)]
+        {
+            if exists {
+                state.springs.push(neighbour, slot, 0.1, 50.0, 0.05);
+            }
+        }
+    }
+    for ball in 0..60 {
+        let place =
+            Vec3::new((ball % 3) as f32 * 0.21, 0.2 + (ball / 9) as f32 * 0.25, (ball / 3 % 3) as f32 * 0.21);
+        state.particles.push(place, Vec3::ZERO, 1.0, 0.1);
+    }
+    state.contacts.planes.push(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.4));
+    state
+}
+
+/// Three seconds let every array grow to its size; the seven after them need no more.
+#[test]
+fn the_solver_allocates_nothing_in_steady_state() {
+    for scheme in Scheme::ALL {
+        let mut state = state();
+        let settings = StepSettings {
+            scheme,
+            substeps: 8,
+            gravity: GRAVITY,
+            pair_rules: Some(PairRules { restitution: 0.0, friction: 0.3 }),
+            ..StepSettings::default()
+        };
+        for _ in 0..180 {
+            step(&mut state, &settings);
+        }
+        assert!(state.contacts.count() > 30, "the balls lie in a heap");
+        let allocated = measure(|| (0..420).for_each(|_| step(&mut state, &settings)));
+        assert_eq!(allocated.count_total, 0, "{scheme:?}");
+    }
+}
+
+/// Bevy's own schedules allocate a little each update; the plugin with its entities adds nothing to that.
+#[test]
+fn a_tick_allocates_no_more_than_an_empty_app() {
+    let allocations = |populated: bool| {
+        let mut app = app();
+        if populated {
+            let mut last = spawn_pinned(&mut app, Vec3::Y * 9.0);
+            for link in 1..300 {
+                let next = spawn(&mut app, 1.0, 0.02, Vec3::new(link as f32 * 0.1, 9.0, 0.0));
+                join(&mut app, Spring::new(last, next, 0.1).with_stiffness(500.0).with_damping(1.0));
+                last = next;
+            }
+            app.world_mut().spawn(PlaneCollider::default());
+        }
+        for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+            schedule.set_executor(SingleThreadedExecutor::new());
+        }
+        run(&mut app, 200);
+        measure(|| run(&mut app, 100)).count_total
+    };
+    assert_eq!(allocations(true), allocations(false));
+}
