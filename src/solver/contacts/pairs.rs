@@ -16,22 +16,29 @@ use crate::solver::particles::Vectors;
 
 use super::PairRules;
 use super::bodies::Body;
-use super::candidates::{Candidates, Memory};
+use super::candidates::{Candidates, Past};
 use super::response::{Approach, Rebound, friction, tangential};
+
+/// The impulses that a contact has given.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Impulses {
+    /// Normal impulse, N·s, >= 0.
+    pub normal: f32,
+    /// Friction impulse, N·s.
+    pub friction: Vec3,
+}
 
 /// A pair that touches.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PairContact {
-    pub first: usize,
-    pub second: usize,
-    /// Index among the candidates.
-    pair: usize,
+    first: u32,
+    second: u32,
     /// From the second to the first.
     pub normal: Vec3,
     target_velocity: f32,
     /// 1 / (1/m1 + 1/m2), kg.
     reduced_mass: f32,
-    pub impulses: Memory,
+    pub impulses: Impulses,
     /// Whether the pair rests: its impulses are a load, and displace it as any force does.
     resting: bool,
     /// Whether the lower particle carries the upper one and cannot give way.
@@ -41,17 +48,29 @@ pub(super) struct PairContact {
 }
 
 impl PairContact {
+    /// The slot of the upper particle.
+    #[inline]
+    pub fn first(&self) -> usize {
+        self.first as usize
+    }
+
+    /// The slot of the lower particle.
+    #[inline]
+    pub fn second(&self) -> usize {
+        self.second as usize
+    }
+
     /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
     /// a particle that is lifted past the centre of the next one is still below it.
     #[inline]
     fn depth(&self, bodies: &[Body]) -> f32 {
-        let (first, second) = (&bodies[self.first], &bodies[self.second]);
+        let (first, second) = (&bodies[self.first()], &bodies[self.second()]);
         first.radius + second.radius - (first.position - second.position).dot(self.normal)
     }
 
     #[inline]
     fn relative_velocity(&self, bodies: &[Body]) -> Vec3 {
-        bodies[self.first].velocity - bodies[self.second].velocity
+        bodies[self.first()].velocity - bodies[self.second()].velocity
     }
 
     /// Gives both their impulse. If the pair rests, the impulse also takes back what the load displaced
@@ -60,13 +79,13 @@ impl PairContact {
     /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
     #[inline(always)]
     fn apply(&self, impulse: Vec3, bodies: &mut [Body], reach: f32) {
-        let first_change = impulse * bodies[self.first].inverse_mass;
-        let second_change = impulse * -bodies[self.second].inverse_mass;
-        bodies[self.first].velocity += first_change;
-        bodies[self.second].velocity += second_change;
+        let first_change = impulse * bodies[self.first()].inverse_mass;
+        let second_change = impulse * -bodies[self.second()].inverse_mass;
+        bodies[self.first()].velocity += first_change;
+        bodies[self.second()].velocity += second_change;
         if self.resting {
-            bodies[self.first].position += first_change * reach;
-            bodies[self.second].position += second_change * reach;
+            bodies[self.first()].position += first_change * reach;
+            bodies[self.second()].position += second_change * reach;
         }
     }
 }
@@ -76,26 +95,41 @@ fn direction(separation: Vec3, distance: f32) -> Vec3 {
     if distance == 0.0 { Vec3::Y } else { separation / distance }
 }
 
-/// Finds the touching pairs among the candidates, and forgets the impulses of the others.
+/// What is found out about the particles on the way.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Supports {
+    /// Whether each particle rests on the ground or on something that does.
+    pub supported: Vec<bool>,
+    /// How many resting contacts each particle has.
+    pub holds: Vec<u32>,
+}
+
+/// Finds the touching pairs among the candidates, from the bottom up, with the impulses that they had in
+/// `last`, the contacts of the substep before. `supports` begins with what touches the ground.
 pub(super) fn find(
     candidates: &mut Candidates,
     bodies: &[Body],
     acceleration: &Vectors,
     rebound: Rebound,
+    up: Vec3,
+    last: &[PairContact],
     found: &mut Vec<PairContact>,
+    supports: &mut Supports,
 ) {
     found.clear();
-    for index in 0..candidates.len() {
-        let (second, first, pair) = candidates.bottom_up(index);
+    let (pairs, joints) = candidates.pairs();
+    for candidate in pairs {
+        let (first, second) = (candidate.upper as usize, candidate.lower as usize);
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let squared = separation.length_squared();
         let most = reach + rebound.slop;
-        if squared > most * most || squared.is_nan() {
-            continue;
+        let past = candidate.past;
+        if past != Past::Entangled || squared > reach * reach {
+            candidate.past = Past::Apart;
         }
-        if candidates.is_entangled(pair, squared > reach * reach) {
+        if squared > most * most || squared.is_nan() || candidate.past == Past::Entangled {
             continue;
         }
         let distance = squared.sqrt();
@@ -110,20 +144,26 @@ pub(super) fn find(
         if distance > reach && !resting {
             continue;
         }
+        let supported = supports.supported[second] && normal.dot(up) > STEEPEST_SUPPORT;
+        supports.supported[first] |= supported;
+        supports.holds[first] += u32::from(resting);
+        supports.holds[second] += u32::from(resting);
+        candidate.past = Past::Contact(found.len() as u32);
         found.push(PairContact {
-            first,
-            second,
-            pair,
+            first: candidate.upper,
+            second: candidate.lower,
             normal,
             target_velocity,
             reduced_mass: 1.0 / (upper.inverse_mass + lower.inverse_mass),
-            impulses: candidates.memory(pair),
+            impulses: match past {
+                Past::Contact(index) => last[index as usize].impulses,
+                _ => Impulses::default(),
+            },
             resting,
-            supports: false,
-            sprung: candidates.is_sprung(first, second),
+            supports: supported,
+            sprung: joints.is_sprung(first) || joints.is_sprung(second),
         });
     }
-    candidates.forget_all();
 }
 
 /// Applies the impulses of the last substep.
@@ -189,12 +229,12 @@ pub(super) fn solve_positions(
     contacts: &[PairContact],
     rules: PairRules,
     bodies: &mut [Body],
-    previous: &Vectors,
+    previous: &[Vec3],
     holds: &[u32],
 ) {
     for contact in contacts {
         let depth = contact.depth(bodies);
-        let (first, second) = (contact.first, contact.second);
+        let (first, second) = (contact.first(), contact.second());
         let shared = contact.resting && holds[first] + holds[second] > 2;
         let (most, part) = if shared {
             (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
@@ -206,7 +246,7 @@ pub(super) fn solve_positions(
         }
         let mut depth = part * (depth - most);
         if contact.sprung {
-            let moved = |slot: usize| bodies[slot].position - previous.get(slot);
+            let moved = |slot: usize| bodies[slot].position - previous[slot];
             let approached = (moved(second) - moved(first)).dot(contact.normal);
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
@@ -215,7 +255,7 @@ pub(super) fn solve_positions(
         }
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
-            let moved = |slot: usize| bodies[slot].position - previous.get(slot);
+            let moved = |slot: usize| bodies[slot].position - previous[slot];
             let slip = tangential(moved(first) - moved(second), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
@@ -230,36 +270,13 @@ pub(super) fn solve_positions(
 /// How steep a contact must be, as the cosine to the vertical, to support the upper particle.
 const STEEPEST_SUPPORT: f32 = 0.2;
 
-/// Whose weight rests on the ground: `supported` begins with what touches it, and grows upwards.
-pub(super) fn propagate_support(contacts: &mut [PairContact], up: Vec3, supported: &mut [bool]) {
-    for contact in contacts {
-        contact.supports = supported[contact.second] && contact.normal.dot(up) > STEEPEST_SUPPORT;
-        supported[contact.first] |= contact.supports;
-    }
-}
-
 /// Stops what still sinks onto something supported.
 pub(super) fn stop_sinking(contacts: &[PairContact], bodies: &mut [Body]) {
     for contact in contacts.iter().filter(|contact| contact.supports) {
         let approach = contact.relative_velocity(bodies).dot(contact.normal);
-        let upper = &mut bodies[contact.first];
+        let upper = &mut bodies[contact.first()];
         if approach < 0.0 && upper.inverse_mass > 0.0 {
             upper.velocity -= contact.normal * approach;
         }
-    }
-}
-
-/// Counts the resting contacts of each particle.
-pub(super) fn count_holds(contacts: &[PairContact], holds: &mut [u32]) {
-    for contact in contacts.iter().filter(|contact| contact.resting) {
-        holds[contact.first] += 1;
-        holds[contact.second] += 1;
-    }
-}
-
-/// Remembers the impulses for the next substep.
-pub(super) fn remember(contacts: &[PairContact], candidates: &mut Candidates) {
-    for contact in contacts {
-        candidates.remember(contact.pair, contact.impulses);
     }
 }

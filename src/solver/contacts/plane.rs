@@ -2,7 +2,7 @@
 
 use bevy::math::{Quat, Vec3};
 
-use crate::solver::particles::{Particles, Vectors};
+use crate::solver::particles::Particles;
 
 use super::bodies::Body;
 use super::response::{Approach, Rebound, friction, tangential};
@@ -144,7 +144,7 @@ pub(super) fn solve_position(
     contact: &PlaneContact,
     surface: &Surface,
     bodies: &mut [Body],
-    previous: &Vectors,
+    previous: &[Vec3],
     substep: f32,
 ) {
     let body = &mut bodies[contact.slot];
@@ -154,7 +154,7 @@ pub(super) fn solve_position(
     }
     let mut correction = surface.normal * depth;
     if surface.friction > 0.0 {
-        let slip = body.position - previous.get(contact.slot) - contact.surface_velocity * substep;
+        let slip = body.position - previous[contact.slot] - contact.surface_velocity * substep;
         correction += friction(tangential(slip, surface.normal), surface.friction * depth);
     }
     body.position += correction;
