@@ -14,14 +14,14 @@ mod pairs;
 mod plane;
 mod response;
 
-use bevy::math::Vec3;
+use bevy::math::{Vec3, Vec3A};
 
 use super::StepSettings;
 use super::particles::Particles;
 use super::springs::Springs;
 use bodies::Body;
 use candidates::Candidates;
-use pairs::{PairContact, Supports};
+use pairs::PairContact;
 pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
@@ -88,8 +88,7 @@ pub struct Contacts {
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
     bodies: Vec<Body>,
-    supports: Supports,
-    /// Positions at the start of the substep; kept only where something rubs or piles up.
+    /// Positions at the start of the substep, m.
     previous: Vec<Vec3>,
 }
 
@@ -125,9 +124,7 @@ impl Contacts {
 
     /// Keeps the positions from which friction measures how far things slipped.
     pub(super) fn begin_substep(&mut self, particles: &Particles, settings: &StepSettings) {
-        let rubbing_planes =
-            settings.collide_with_planes && self.planes.iter().any(|plane| plane.friction > 0.0);
-        if rubbing_planes || settings.pair_rules.is_some() {
+        if settings.collide_with_planes || settings.pair_rules.is_some() {
             self.previous.clear();
             self.previous.extend((0..particles.len()).map(|slot| particles.position.get(slot)));
         }
@@ -190,26 +187,25 @@ impl Contacts {
         }
         let any_pairs = settings.pair_rules.is_some() && !self.candidates.is_empty();
         if any_pairs || !self.plane_contacts.is_empty() {
-            bodies::fill(&mut self.bodies, particles);
+            bodies::fill(&mut self.bodies, particles, &self.previous);
         }
         if any_pairs {
-            self.begin_support(up);
-            let Self { candidates, bodies, pair_contacts, last_contacts, supports, .. } = self;
-            let acceleration = &particles.acceleration;
-            pairs::find(candidates, bodies, acceleration, rebound, up, last_contacts, pair_contacts, supports);
-        }
-    }
-
-    /// What rests on the ground or on something pinned, before the pairs are looked at.
-    fn begin_support(&mut self, up: Vec3) {
-        let Self { supports: Supports { supported, holds }, bodies, plane_contacts, surfaces, .. } = self;
-        supported.clear();
-        supported.extend(bodies.iter().map(|body| body.inverse_mass == 0.0));
-        holds.clear();
-        holds.resize(bodies.len(), 0);
-        for contact in plane_contacts {
-            supported[contact.slot] |= surfaces[contact.plane].normal.dot(up) > 0.0;
-            holds[contact.slot] += 1;
+            let up = Vec3A::from(up);
+            for contact in &self.plane_contacts {
+                let body = &mut self.bodies[contact.slot];
+                body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                body.holds += 1;
+            }
+            let Self { candidates, bodies, pair_contacts, last_contacts, .. } = self;
+            pairs::find(
+                candidates,
+                bodies,
+                &particles.acceleration,
+                rebound,
+                up,
+                last_contacts,
+                pair_contacts,
+            );
         }
     }
 
@@ -244,29 +240,28 @@ impl Contacts {
         if self.pair_contacts.is_empty() {
             return;
         }
-        for (slot, body) in self.bodies.iter_mut().enumerate() {
-            let held = self.supports.holds[slot] >= JAMMING_CONTACTS && self.supports.supported[slot];
-            let slow = body.velocity.length_squared() < resting_speed * resting_speed;
-            if held && slow && body.inverse_mass > 0.0 {
-                body.velocity = Vec3::ZERO;
-                body.position = self.previous[slot];
+        for body in &mut self.bodies {
+            let held = body.holds >= JAMMING_CONTACTS && body.supported && body.inverse_mass > 0.0;
+            if held && body.velocity.length_squared() < resting_speed * resting_speed {
+                body.velocity = Vec3A::ZERO;
+                body.position = body.previous;
             }
         }
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, surfaces, bodies, previous, supports, .. } = self;
+        let Self { pair_contacts, plane_contacts, surfaces, bodies, .. } = self;
         for _ in 0..POSITION_ROUNDS {
-            pairs::solve_positions(pair_contacts, rules, bodies, previous, &supports.holds);
+            pairs::solve_positions(pair_contacts, rules, bodies);
             for contact in &*plane_contacts {
-                plane::solve_position(contact, &surfaces[contact.plane], bodies, previous, substep);
+                plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
         }
     }
 
     fn record(&mut self, particles: &Particles) {
         for contact in &self.plane_contacts {
-            let normal = self.surfaces[contact.plane].normal;
+            let normal = Vec3::from(self.surfaces[contact.plane].normal);
             self.records.push(ContactRecord {
                 slot: contact.slot,
                 other: ContactPartner::Plane(contact.plane),
@@ -282,6 +277,7 @@ impl Contacts {
             } else {
                 (contact.second(), contact.first(), -contact.normal)
             };
+            let normal = Vec3::from(normal);
             self.records.push(ContactRecord {
                 slot,
                 other: ContactPartner::Particle(other),

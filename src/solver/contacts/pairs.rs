@@ -10,7 +10,7 @@
 //!
 //! In a pair the first particle is the upper, the second the lower one.
 
-use bevy::math::Vec3;
+use bevy::math::Vec3A;
 
 use crate::solver::particles::Vectors;
 
@@ -25,7 +25,7 @@ pub(super) struct Impulses {
     /// Normal impulse, N·s, >= 0.
     pub normal: f32,
     /// Friction impulse, N·s.
-    pub friction: Vec3,
+    pub friction: Vec3A,
 }
 
 /// A pair that touches.
@@ -34,7 +34,7 @@ pub(super) struct PairContact {
     first: u32,
     second: u32,
     /// From the second to the first.
-    pub normal: Vec3,
+    pub normal: Vec3A,
     target_velocity: f32,
     /// 1 / (1/m1 + 1/m2), kg.
     reduced_mass: f32,
@@ -69,7 +69,7 @@ impl PairContact {
     }
 
     #[inline]
-    fn relative_velocity(&self, bodies: &[Body]) -> Vec3 {
+    fn relative_velocity(&self, bodies: &[Body]) -> Vec3A {
         bodies[self.first()].velocity - bodies[self.second()].velocity
     }
 
@@ -78,7 +78,7 @@ impl PairContact {
     ///
     /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
     #[inline(always)]
-    fn apply(&self, impulse: Vec3, bodies: &mut [Body], reach: f32) {
+    fn apply(&self, impulse: Vec3A, bodies: &mut [Body], reach: f32) {
         let first_change = impulse * bodies[self.first()].inverse_mass;
         let second_change = impulse * -bodies[self.second()].inverse_mass;
         bodies[self.first()].velocity += first_change;
@@ -91,30 +91,20 @@ impl PairContact {
 }
 
 /// The unit vector along `separation`; +Y for two particles in the same place.
-fn direction(separation: Vec3, distance: f32) -> Vec3 {
-    if distance == 0.0 { Vec3::Y } else { separation / distance }
-}
-
-/// What is found out about the particles on the way.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Supports {
-    /// Whether each particle rests on the ground or on something that does.
-    pub supported: Vec<bool>,
-    /// How many resting contacts each particle has.
-    pub holds: Vec<u32>,
+fn direction(separation: Vec3A, distance: f32) -> Vec3A {
+    if distance == 0.0 { Vec3A::Y } else { separation / distance }
 }
 
 /// Finds the touching pairs among the candidates, from the bottom up, with the impulses that they had in
-/// `last`, the contacts of the substep before. `supports` begins with what touches the ground.
+/// `last`, the contacts of the substep before; and finds out who rests on whom.
 pub(super) fn find(
     candidates: &mut Candidates,
-    bodies: &[Body],
+    bodies: &mut [Body],
     acceleration: &Vectors,
     rebound: Rebound,
-    up: Vec3,
+    up: Vec3A,
     last: &[PairContact],
     found: &mut Vec<PairContact>,
-    supports: &mut Supports,
 ) {
     found.clear();
     let (pairs, joints) = candidates.pairs();
@@ -136,7 +126,7 @@ pub(super) fn find(
         let normal = direction(separation, distance);
         let approach = Approach {
             velocity: (upper.velocity - lower.velocity).dot(normal),
-            acceleration: (acceleration.get(first) - acceleration.get(second)).dot(normal),
+            acceleration: Vec3A::from(acceleration.get(first) - acceleration.get(second)).dot(normal),
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
@@ -144,17 +134,18 @@ pub(super) fn find(
         if distance > reach && !resting {
             continue;
         }
-        let supported = supports.supported[second] && normal.dot(up) > STEEPEST_SUPPORT;
-        supports.supported[first] |= supported;
-        supports.holds[first] += u32::from(resting);
-        supports.holds[second] += u32::from(resting);
+        let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
+        let supported = lower.supported && normal.dot(up) > STEEPEST_SUPPORT;
+        bodies[first].supported |= supported;
+        bodies[first].holds += u32::from(resting);
+        bodies[second].holds += u32::from(resting);
         candidate.past = Past::Contact(found.len() as u32);
         found.push(PairContact {
             first: candidate.upper,
             second: candidate.lower,
             normal,
             target_velocity,
-            reduced_mass: 1.0 / (upper.inverse_mass + lower.inverse_mass),
+            reduced_mass,
             impulses: match past {
                 Past::Contact(index) => last[index as usize].impulses,
                 _ => Impulses::default(),
@@ -223,19 +214,12 @@ const RESTING_OVERLAP: f32 = 0.001;
 const SPRUNG_CORRECTION: f32 = 0.01;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
-/// where they stuck. `previous` are the positions at the start of the substep, `holds` how many resting
-/// contacts each particle has.
-pub(super) fn solve_positions(
-    contacts: &[PairContact],
-    rules: PairRules,
-    bodies: &mut [Body],
-    previous: &[Vec3],
-    holds: &[u32],
-) {
+/// where they stuck.
+pub(super) fn solve_positions(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
     for contact in contacts {
         let depth = contact.depth(bodies);
         let (first, second) = (contact.first(), contact.second());
-        let shared = contact.resting && holds[first] + holds[second] > 2;
+        let shared = contact.resting && bodies[first].holds + bodies[second].holds > 2;
         let (most, part) = if shared {
             (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
         } else {
@@ -246,8 +230,7 @@ pub(super) fn solve_positions(
         }
         let mut depth = part * (depth - most);
         if contact.sprung {
-            let moved = |slot: usize| bodies[slot].position - previous[slot];
-            let approached = (moved(second) - moved(first)).dot(contact.normal);
+            let approached = (bodies[second].moved() - bodies[first].moved()).dot(contact.normal);
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
                 continue;
@@ -255,8 +238,7 @@ pub(super) fn solve_positions(
         }
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
-            let moved = |slot: usize| bodies[slot].position - previous[slot];
-            let slip = tangential(moved(first) - moved(second), contact.normal);
+            let slip = tangential(bodies[first].moved() - bodies[second].moved(), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
         let correction = correction * contact.reduced_mass;
