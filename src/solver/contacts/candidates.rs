@@ -51,37 +51,62 @@ pub(super) struct Candidates {
     list: List,
     /// The list before a rebuild, from which the past is carried over.
     old: List,
-    /// The particles that are the lower one of a pair: their heights, as sortable bits, and their slots.
-    lowers: Vec<u64>,
+    /// The heights of the found pairs, as sortable bits, and their places among the found.
+    heights: Vec<u64>,
     grid: Grid,
     found: Vec<(u32, u32)>,
     /// Positions at the time of the last rebuild.
     origins: Vectors,
     skins: Vec<f32>,
     joints: Joints,
+    near: Vec<u32>,
     stale: bool,
 }
 
-/// Pairs, those of one lower particle in a row.
+/// Pairs, and where each of them is.
 #[derive(Debug, Clone, Default)]
 struct List {
     pairs: Vec<Candidate>,
-    /// Where the pairs of each lower particle begin and end.
-    ranges: Vec<[u32; 2]>,
+    /// `starts[a]..starts[a + 1]` are the partners of particle a.
+    starts: Vec<u32>,
+    /// The partners b > a of each particle, and the place of the pair in the list.
+    partners: Vec<(u32, u32)>,
 }
 
 impl List {
     fn clear(&mut self) {
         self.pairs.clear();
-        self.ranges.clear();
+        self.starts.clear();
     }
 
-    fn find(&mut self, a: u32, b: u32) -> Option<&mut Candidate> {
-        let place = [(a, b), (b, a)].into_iter().find_map(|(lower, upper)| {
-            let [start, end] = *self.ranges.get(lower as usize)?;
-            (start as usize..end as usize).find(|pair| self.pairs[*pair].upper == upper)
-        });
-        place.map(|pair| &mut self.pairs[pair])
+    /// Finds out where the pairs of each of `count` particles are.
+    fn index(&mut self, count: usize) {
+        let Self { pairs, starts, partners } = self;
+        starts.clear();
+        starts.resize(count + 1, 0);
+        for pair in &*pairs {
+            starts[pair.lower.min(pair.upper) as usize] += 1;
+        }
+        let mut total = 0;
+        for start in &mut *starts {
+            total += *start;
+            *start = total;
+        }
+        partners.clear();
+        partners.resize(pairs.len(), (0, 0));
+        for (place, pair) in pairs.iter().enumerate() {
+            let start = &mut starts[pair.lower.min(pair.upper) as usize];
+            *start -= 1;
+            partners[*start as usize] = (pair.lower.max(pair.upper), place as u32);
+        }
+    }
+
+    fn find(&mut self, one: u32, other: u32) -> Option<&mut Candidate> {
+        let (a, b) = (one.min(other) as usize, one.max(other));
+        let bounds = self.starts.get(a..a + 2)?;
+        let partners = &self.partners[bounds[0] as usize..bounds[1] as usize];
+        let place = partners.iter().find(|(partner, _)| *partner == b)?.1;
+        self.pairs.get_mut(place as usize)
     }
 }
 
@@ -95,23 +120,15 @@ impl Candidates {
     /// The particles were renumbered: `new_slots[old]` is the new slot of each, in the same order as
     /// before; `None` for those that are gone.
     pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
-        let List { pairs, ranges } = &mut self.list;
         let new_slot = |old: u32| new_slots.get(old as usize).copied().flatten();
-        pairs.retain_mut(|pair| {
+        self.list.pairs.retain_mut(|pair| {
             let (Some(lower), Some(upper)) = (new_slot(pair.lower), new_slot(pair.upper)) else {
                 return false;
             };
             (pair.lower, pair.upper) = (lower, upper);
             true
         });
-        ranges.clear();
-        ranges.resize(count, [0, 0]);
-        let mut start = 0;
-        for group in pairs.chunk_by(|one, next| one.lower == next.lower) {
-            let end = start + group.len() as u32;
-            ranges[group[0].lower as usize] = [start, end];
-            start = end;
-        }
+        self.list.index(count);
         self.stale = true;
     }
 
@@ -149,9 +166,9 @@ impl Candidates {
         self.list.pairs.is_empty()
     }
 
-    /// The pairs, from the bottom up, and what is known of the springs.
-    pub fn pairs(&mut self) -> (&mut [Candidate], &Joints) {
-        (&mut self.list.pairs, &self.joints)
+    /// The pairs, from the bottom up; what is known of the springs; and room for a list of places.
+    pub fn pairs(&mut self) -> (&mut [Candidate], &Joints, &mut Vec<u32>) {
+        (&mut self.list.pairs, &self.joints, &mut self.near)
     }
 
     /// Whether somebody has moved by more than its skin.
@@ -193,40 +210,26 @@ impl Candidates {
         });
     }
 
-    /// Lists the pairs by the height of their lower particle.
+    /// Lists the pairs by the height of their middle: whatever carries a pair comes before it. (Not by
+    /// that of the lower particle: pairs in a row that share one would have to wait for each other.)
     fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
-        let Self { list: List { pairs, ranges }, lowers, found, .. } = self;
+        let Self { list, heights, found, .. } = self;
         let height = |slot: u32| particles.position.get(slot as usize).dot(up);
-        ranges.clear();
-        ranges.resize(particles.len(), [0, 0]);
-        for (a, b) in &mut *found {
-            if height(*b) < height(*a) {
-                std::mem::swap(a, b);
-            }
-            ranges[*a as usize][1] += 1;
-        }
-        lowers.clear();
-        lowers.extend((0..particles.len() as u32).filter(|slot| ranges[*slot as usize][1] > 0).map(|slot| {
+        heights.clear();
+        heights.extend(found.iter().enumerate().map(|(place, (a, b))| {
             // Floats sort like integers once the negative ones are turned round.
-            let bits = height(slot).to_bits();
+            let bits = (height(*a) + height(*b)).to_bits();
             let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
-            u64::from(sortable) << 32 | u64::from(slot)
+            u64::from(sortable) << 32 | place as u64
         }));
-        lowers.sort_unstable();
-        let mut start = 0;
-        for lower in &*lowers {
-            let range = &mut ranges[*lower as u32 as usize];
-            let count = range[1];
-            *range = [start, start];
-            start += count;
-        }
-        pairs.clear();
-        pairs.resize(found.len(), Candidate { lower: 0, upper: 0, past: Past::Apart });
-        for &(lower, upper) in &*found {
-            let place = &mut ranges[lower as usize][1];
-            pairs[*place as usize] = Candidate { lower, upper, past: Past::Apart };
-            *place += 1;
-        }
+        heights.sort_unstable();
+        list.pairs.clear();
+        list.pairs.extend(heights.iter().map(|place| {
+            let (a, b) = found[*place as u32 as usize];
+            let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
+            Candidate { lower, upper, past: Past::Apart }
+        }));
+        list.index(particles.len());
     }
 
     /// Carries what is known of the old pairs over to the new ones.
