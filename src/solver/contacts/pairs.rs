@@ -60,17 +60,10 @@ impl PairContact {
         self.second as usize
     }
 
-    /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
-    /// a particle that is lifted past the centre of the next one is still below it.
-    #[inline]
-    fn depth(&self, bodies: &[Body]) -> f32 {
-        let (first, second) = (&bodies[self.first()], &bodies[self.second()]);
-        first.radius + second.radius - (first.position - second.position).dot(self.normal)
-    }
-
-    #[inline]
-    fn relative_velocity(&self, bodies: &[Body]) -> Vec3A {
-        bodies[self.first()].velocity - bodies[self.second()].velocity
+    /// The upper and the lower particle.
+    #[inline(always)]
+    fn both<'a>(&self, bodies: &'a mut [Body]) -> [&'a mut Body; 2] {
+        bodies.get_disjoint_mut([self.first(), self.second()]).expect("a pair is of two particles")
     }
 
     /// Gives both their impulse. If the pair rests, the impulse also takes back what the load displaced
@@ -78,14 +71,14 @@ impl PairContact {
     ///
     /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
     #[inline(always)]
-    fn apply(&self, impulse: Vec3A, bodies: &mut [Body], reach: f32) {
-        let first_change = impulse * bodies[self.first()].inverse_mass;
-        let second_change = impulse * -bodies[self.second()].inverse_mass;
-        bodies[self.first()].velocity += first_change;
-        bodies[self.second()].velocity += second_change;
+    fn apply(&self, impulse: Vec3A, [first, second]: [&mut Body; 2], reach: f32) {
+        let first_change = impulse * first.inverse_mass;
+        let second_change = impulse * -second.inverse_mass;
+        first.velocity += first_change;
+        second.velocity += second_change;
         if self.resting {
-            bodies[self.first()].position += first_change * reach;
-            bodies[self.second()].position += second_change * reach;
+            first.position += first_change * reach;
+            second.position += second_change * reach;
         }
     }
 }
@@ -180,7 +173,7 @@ pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], reac
         // The normal has turned a little since: keep what is tangential to it now.
         contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
         let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        contact.apply(impulse, bodies, reach);
+        contact.apply(impulse, contact.both(bodies), reach);
     }
 }
 
@@ -195,7 +188,8 @@ pub(super) fn solve_velocities(
 ) -> bool {
     let mut corrected = false;
     for contact in contacts {
-        let relative = contact.relative_velocity(bodies);
+        let [first, second] = contact.both(bodies);
+        let relative = first.velocity - second.velocity;
         let old = contact.impulses;
         let missing = contact.target_velocity - relative.dot(contact.normal);
         if missing <= 0.0 && old.normal == 0.0 {
@@ -214,7 +208,7 @@ pub(super) fn solve_velocities(
             change += contact.impulses.friction - old.friction;
         }
         corrected = true;
-        contact.apply(change, bodies, reach);
+        contact.apply(change, [first, second], reach);
     }
     corrected
 }
@@ -235,20 +229,18 @@ const SPRUNG_CORRECTION: f32 = 0.01;
 /// where they stuck.
 pub(super) fn solve_positions(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
     for contact in contacts {
-        let depth = contact.depth(bodies);
-        let (first, second) = (contact.first(), contact.second());
-        let shared = contact.resting && bodies[first].holds + bodies[second].holds > 2;
-        let (most, part) = if shared {
-            (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
-        } else {
-            (0.0, 1.0)
-        };
+        let [first, second] = contact.both(bodies);
+        let reach = first.radius + second.radius;
+        // The normal stays as it was found: who is lifted past the centre of the next is still below it.
+        let depth = reach - (first.position - second.position).dot(contact.normal);
+        let shared = contact.resting && first.holds + second.holds > 2;
+        let (most, part) = if shared { (RESTING_OVERLAP * reach, RESTING_CORRECTION) } else { (0.0, 1.0) };
         if depth <= most {
             continue;
         }
         let mut depth = part * (depth - most);
         if contact.sprung {
-            let approached = (bodies[second].moved() - bodies[first].moved()).dot(contact.normal);
+            let approached = (second.moved() - first.moved()).dot(contact.normal);
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
                 continue;
@@ -256,14 +248,12 @@ pub(super) fn solve_positions(contacts: &[PairContact], rules: PairRules, bodies
         }
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
-            let slip = tangential(bodies[first].moved() - bodies[second].moved(), contact.normal);
+            let slip = tangential(first.moved() - second.moved(), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
         let correction = correction * contact.reduced_mass;
-        let first_correction = correction * bodies[first].inverse_mass;
-        let second_correction = correction * -bodies[second].inverse_mass;
-        bodies[first].position += first_correction;
-        bodies[second].position += second_correction;
+        first.position += correction * first.inverse_mass;
+        second.position -= correction * second.inverse_mass;
     }
 }
 
@@ -273,8 +263,8 @@ const STEEPEST_SUPPORT: f32 = 0.2;
 /// Stops what still sinks onto something supported.
 pub(super) fn stop_sinking(contacts: &[PairContact], bodies: &mut [Body]) {
     for contact in contacts.iter().filter(|contact| contact.supports) {
-        let approach = contact.relative_velocity(bodies).dot(contact.normal);
-        let upper = &mut bodies[contact.first()];
+        let [upper, lower] = contact.both(bodies);
+        let approach = (upper.velocity - lower.velocity).dot(contact.normal);
         if approach < 0.0 && upper.inverse_mass > 0.0 {
             upper.velocity -= contact.normal * approach;
         }

@@ -68,11 +68,11 @@ impl Rebound {
 /// Also used for the tangential displacement of a substep, which static friction undoes.
 #[inline]
 pub(super) fn friction(tangential: Vec3A, limit: f32) -> Vec3A {
-    let length = tangential.length();
-    if length <= limit {
+    let squared = tangential.length_squared();
+    if squared <= limit * limit {
         return -tangential;
     }
-    tangential * (-limit / length)
+    tangential * (-limit / squared.sqrt())
 }
 
 /// The part of `vector` perpendicular to the unit vector `normal`.
