@@ -13,11 +13,11 @@ use super::grid::Grid;
 use super::joints::Joints;
 
 /// The skin of a slow particle, as a part of its radius.
-const THIN_SKIN: f32 = 0.25;
+const THIN_SKIN: f32 = 0.2;
 
 /// The skin of a fast one. With it a sphere is twice as large as with the thin one, so that the two
 /// kinds come into different classes of the grid, and a few fast ones do not widen the cells of all.
-const THICK_SKIN: f32 = 1.5;
+const THICK_SKIN: f32 = 1.4;
 
 /// A particle is fast that would outrun a thin skin within so many ticks.
 const PATIENCE: f32 = 4.0;
@@ -303,8 +303,8 @@ mod tests {
         let mut particles = row(1.5, 2);
         let mut candidates = Candidates::default();
         assert_eq!(refreshed(&mut candidates, &particles), []);
-        particles.position.set(1, Vec3::X * 1.38);
-        assert_eq!(refreshed(&mut candidates, &particles), [], "still within the skin of 0.125 m");
+        particles.position.set(1, Vec3::X * 1.42);
+        assert_eq!(refreshed(&mut candidates, &particles), [], "still within the skin of 0.1 m");
         particles.position.set(1, Vec3::X * 1.2);
         assert_eq!(refreshed(&mut candidates, &particles), [(0, 1)]);
     }

@@ -17,7 +17,7 @@ use crate::solver::particles::Vectors;
 use super::PairRules;
 use super::bodies::Body;
 use super::candidates::{Candidate, Candidates, Past};
-use super::response::{Approach, Rebound, friction, tangential};
+use super::response::{Approach, Rebound, friction, shortened, tangential};
 
 /// The impulses that a contact has given.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -204,7 +204,7 @@ pub(super) fn solve_velocities(
         if rules.friction > 0.0 {
             let sticking = old.friction - tangential(relative, contact.normal) * contact.reduced_mass;
             let limit = rules.friction * contact.impulses.normal;
-            contact.impulses.friction = sticking.clamp_length_max(limit);
+            contact.impulses.friction = shortened(sticking, limit);
             change += contact.impulses.friction - old.friction;
         }
         corrected = true;

@@ -113,18 +113,17 @@ pub(super) fn find(
     let blocks =
         x.chunks(BLOCK).zip(y.chunks(BLOCK)).zip(z.chunks(BLOCK)).zip(particles.radius.chunks(BLOCK));
     for (block, (((x, y), z), radius)) in blocks.enumerate() {
-        let mut any = false;
-        for (((x, y), z), radius) in x.iter().zip(y).zip(z).zip(radius) {
-            any |= surface.touches([*x, *y, *z], *radius);
+        let mut touching = [false; BLOCK];
+        let spheres = x.iter().zip(y).zip(z).zip(radius);
+        for (touching, (((x, y), z), radius)) in touching.iter_mut().zip(spheres) {
+            *touching = surface.touches([*x, *y, *z], *radius);
         }
-        let slots = block * BLOCK..block * BLOCK + x.len();
-        for slot in slots.filter(|_| any) {
-            let position = particles.position.get(slot);
-            let free = particles.inverse_mass[slot] > 0.0;
-            if !free || !surface.touches(position.to_array(), particles.radius[slot]) {
+        for (offset, _) in touching.iter().enumerate().filter(|(_, touching)| **touching) {
+            let slot = block * BLOCK + offset;
+            if particles.inverse_mass[slot] == 0.0 {
                 continue;
             }
-            let position = Vec3A::from(position);
+            let position = Vec3A::from(particles.position.get(slot));
             let surface_velocity = surface.velocity_at(position);
             let approach = Approach {
                 velocity: (Vec3A::from(particles.velocity.get(slot)) - surface_velocity).dot(surface.normal),

@@ -68,11 +68,15 @@ impl Rebound {
 /// Also used for the tangential displacement of a substep, which static friction undoes.
 #[inline]
 pub(super) fn friction(tangential: Vec3A, limit: f32) -> Vec3A {
-    let squared = tangential.length_squared();
-    if squared <= limit * limit {
-        return -tangential;
-    }
-    tangential * (-limit / squared.sqrt())
+    -shortened(tangential, limit)
+}
+
+/// `vector` made as short as `longest`, if it is longer. Without a branch: in a pile, what sticks and what
+/// slips lie side by side.
+#[inline]
+pub(super) fn shortened(vector: Vec3A, longest: f32) -> Vec3A {
+    // Of NaN (0 / 0) and 1 the smaller is 1.
+    vector * (longest / vector.length()).min(1.0)
 }
 
 /// The part of `vector` perpendicular to the unit vector `normal`.
