@@ -12,91 +12,123 @@ use crate::solver::springs::Springs;
 use super::grid::Grid;
 use super::joints::Joints;
 
-/// The thinnest skin, as a part of the particle's radius.
-const THIN_SKIN: f32 = 0.25;
+/// The skin of a slow particle, as a part of its radius.
+const THIN_SKIN: f32 = 0.2;
 
-/// The thickest, for particles that move fast.
-const THICK_SKIN: f32 = 1.5;
+/// The skin of a fast one. With it a sphere is twice as large as with the thin one, so that the two
+/// kinds come into different classes of the grid, and a few fast ones do not widen the cells of all.
+const THICK_SKIN: f32 = 1.4;
 
-/// What is remembered of a pair from substep to substep: the impulses that held it apart.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Memory {
-    /// Normal impulse, N·s, >= 0.
-    pub normal: f32,
-    /// Friction impulse, N·s.
-    pub friction: Vec3,
+/// A particle is fast that would outrun a thin skin within so many ticks.
+const PATIENCE: f32 = 4.0;
+
+/// What is known of a pair from the substep before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Past {
+    /// It did not touch.
+    Apart,
+    /// It touched: the index of its contact.
+    Contact(u32),
+    /// Both particles are on springs, and they have overlapped ever since they were first seen. Such a
+    /// pair does not collide: to part it would stretch the springs, with energy from nowhere.
+    Entangled,
 }
 
-/// The candidate pairs (a, b), a < b, sorted.
+/// A pair that may touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Candidate {
+    /// The lower particle.
+    pub lower: u32,
+    /// The upper particle.
+    pub upper: u32,
+    pub past: Past,
+}
+
+/// The candidate pairs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Candidates {
-    /// `starts[a]..starts[a + 1]` are the candidates of a.
-    starts: Vec<u32>,
-    others: Vec<u32>,
-    memories: Vec<Memory>,
-    /// Whether each pair, both on springs, has overlapped ever since it was first seen.
-    entangled: Vec<bool>,
-    /// The pairs (first, second, index), the lower one first, from the bottom of the world to the top.
-    bottom_up: Vec<(u32, u32, u32)>,
-    heights: Heights,
+    /// From the bottom of the world to the top.
+    list: List,
+    /// The list before a rebuild, from which the past is carried over.
+    old: List,
+    /// The heights of the found pairs, as sortable bits, and their places among the found.
+    heights: Vec<u64>,
     grid: Grid,
     found: Vec<(u32, u32)>,
-    old: OldPairs,
     /// Positions at the time of the last rebuild.
     origins: Vectors,
     skins: Vec<f32>,
     joints: Joints,
+    near: Vec<u32>,
     stale: bool,
 }
 
-/// Working space of the sorting by height.
+/// Pairs, and where each of them is.
 #[derive(Debug, Clone, Default)]
-struct Heights {
-    /// The particles that are the lower one of a pair, from the bottom up.
-    lowers: Vec<u32>,
-    /// Where the pairs of each lower particle go; at first how many there are.
-    next: Vec<u32>,
+struct List {
+    pairs: Vec<Candidate>,
+    /// `starts[a]..starts[a + 1]` are the partners of particle a.
+    starts: Vec<u32>,
+    /// The partners b > a of each particle, and the place of the pair in the list.
+    partners: Vec<(u32, u32)>,
 }
 
-/// The pairs before a rebuild, from which the memories are carried over.
-#[derive(Debug, Clone, Default)]
-struct OldPairs {
-    starts: Vec<u32>,
-    others: Vec<u32>,
-    memories: Vec<Memory>,
-    entangled: Vec<bool>,
+impl List {
+    fn clear(&mut self) {
+        self.pairs.clear();
+        self.starts.clear();
+    }
+
+    /// Finds out where the pairs of each of `count` particles are.
+    fn index(&mut self, count: usize) {
+        let Self { pairs, starts, partners } = self;
+        starts.clear();
+        starts.resize(count + 1, 0);
+        for pair in &*pairs {
+            starts[pair.lower.min(pair.upper) as usize] += 1;
+        }
+        let mut total = 0;
+        for start in &mut *starts {
+            total += *start;
+            *start = total;
+        }
+        partners.clear();
+        partners.resize(pairs.len(), (0, 0));
+        for (place, pair) in pairs.iter().enumerate() {
+            let start = &mut starts[pair.lower.min(pair.upper) as usize];
+            *start -= 1;
+            partners[*start as usize] = (pair.lower.max(pair.upper), place as u32);
+        }
+    }
+
+    fn find(&mut self, one: u32, other: u32) -> Option<&mut Candidate> {
+        let (a, b) = (one.min(other) as usize, one.max(other));
+        let bounds = self.starts.get(a..a + 2)?;
+        let partners = &self.partners[bounds[0] as usize..bounds[1] as usize];
+        let place = partners.iter().find(|(partner, _)| *partner == b)?.1;
+        self.pairs.get_mut(place as usize)
+    }
 }
 
 impl Candidates {
     /// Forgets everything.
     pub fn clear(&mut self) {
-        self.starts.clear();
-        self.others.clear();
-        self.memories.clear();
-        self.entangled.clear();
+        self.list.clear();
         self.stale = true;
     }
 
-    /// The particles were renumbered or changed in radius: `new_slots[old]` is the new slot of each,
-    /// in the same order as before; `None` for those that are gone.
+    /// The particles were renumbered: `new_slots[old]` is the new slot of each, in the same order as
+    /// before; `None` for those that are gone.
     pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
-        let mut starts = vec![0; count + 1];
-        let (mut others, mut memories, mut entangled) = (Vec::new(), Vec::new(), Vec::new());
-        for (old, new) in new_slots.iter().enumerate() {
-            let Some(new) = new else { continue };
-            for pair in self.range(old) {
-                if let Some(Some(other)) = new_slots.get(self.others[pair] as usize) {
-                    others.push(*other);
-                    memories.push(self.memories[pair]);
-                    entangled.push(self.entangled[pair]);
-                    starts[*new as usize + 1] += 1;
-                }
-            }
-        }
-        for slot in 0..count {
-            starts[slot + 1] += starts[slot];
-        }
-        (self.starts, self.others, self.memories, self.entangled) = (starts, others, memories, entangled);
+        let new_slot = |old: u32| new_slots.get(old as usize).copied().flatten();
+        self.list.pairs.retain_mut(|pair| {
+            let (Some(lower), Some(upper)) = (new_slot(pair.lower), new_slot(pair.upper)) else {
+                return false;
+            };
+            (pair.lower, pair.upper) = (lower, upper);
+            true
+        });
+        self.list.index(count);
         self.stale = true;
     }
 
@@ -105,13 +137,13 @@ impl Candidates {
         self.stale = true;
     }
 
-    /// Makes the list good for the present positions, for a while that lasts `time_step` seconds.
-    /// `previous` are those at the start of the substep; `up` points against gravity, zero where there is none.
+    /// Makes the list good for the present positions, for a while. `previous` are those at the start of
+    /// the substep; `up` points against gravity, zero where there is none; `time_step` in s.
     pub fn refresh(
         &mut self,
         particles: &Particles,
         springs: &Springs,
-        previous: &Vectors,
+        previous: &[Vec3],
         up: Vec3,
         time_step: f32,
     ) {
@@ -120,77 +152,50 @@ impl Candidates {
             self.joints.rebuild(particles, springs);
         }
         if stale || self.outrun(particles) {
-            self.rebuild(particles, previous, time_step);
+            self.stale = false;
+            self.choose_skins(particles, time_step);
+            self.search(particles);
+            std::mem::swap(&mut self.list, &mut self.old);
             self.sort_bottom_up(particles, up);
+            self.recall(particles, previous);
         }
     }
 
-    /// The number of pairs.
-    pub fn len(&self) -> usize {
-        self.bottom_up.len()
+    /// Whether nobody may touch anybody.
+    pub fn is_empty(&self) -> bool {
+        self.list.pairs.is_empty()
     }
 
-    /// A pair, counted from the bottom up: (lower, upper, index of the pair).
-    pub fn bottom_up(&self, rank: usize) -> (usize, usize, usize) {
-        let (lower, upper, pair) = self.bottom_up[rank];
-        (lower as usize, upper as usize, pair as usize)
-    }
-
-    /// Whether springs pull at either of two particles.
-    pub fn is_sprung(&self, a: usize, b: usize) -> bool {
-        self.joints.is_sprung(a) || self.joints.is_sprung(b)
-    }
-
-    /// What is remembered of a pair.
-    pub fn memory(&self, pair: usize) -> Memory {
-        self.memories[pair]
-    }
-
-    /// Whether a pair, both on springs, has overlapped ever since it was first seen; not if it is `apart` now.
-    /// Such a pair does not collide: to separate it would stretch the springs, with energy from nowhere.
-    pub fn is_entangled(&mut self, pair: usize, apart: bool) -> bool {
-        self.entangled[pair] &= !apart;
-        self.entangled[pair]
-    }
-
-    /// Forgets the impulses of every pair.
-    pub fn forget_all(&mut self) {
-        self.memories.fill(Memory::default());
-    }
-
-    /// Remembers `memory` for a pair.
-    pub fn remember(&mut self, pair: usize, memory: Memory) {
-        self.memories[pair] = memory;
-    }
-
-    fn range(&self, a: usize) -> std::ops::Range<usize> {
-        match self.starts.get(a..a + 2) {
-            Some(bounds) => bounds[0] as usize..bounds[1] as usize,
-            None => 0..0,
-        }
+    /// The pairs, from the bottom up; what is known of the springs; and room for a list of places.
+    pub fn pairs(&mut self) -> (&mut [Candidate], &Joints, &mut Vec<u32>) {
+        (&mut self.list.pairs, &self.joints, &mut self.near)
     }
 
     /// Whether somebody has moved by more than its skin.
     fn outrun(&self, particles: &Particles) -> bool {
-        (0..particles.len()).any(|slot| {
-            let moved = particles.position.get(slot).distance_squared(self.origins.get(slot));
-            moved > self.skins[slot] * self.skins[slot]
+        let [x, y, z] = particles.position.axes();
+        let [origin_x, origin_y, origin_z] = self.origins.axes();
+        let moved = x.iter().zip(origin_x).zip(y.iter().zip(origin_y)).zip(z.iter().zip(origin_z));
+        moved.zip(&self.skins).any(|((((x, from_x), (y, from_y)), (z, from_z)), skin)| {
+            let moved = Vec3::new(x - from_x, y - from_y, z - from_z);
+            moved.length_squared() > skin * skin
         })
     }
 
-    fn rebuild(&mut self, particles: &Particles, previous: &Vectors, time_step: f32) {
-        self.stale = false;
+    fn choose_skins(&mut self, particles: &Particles, time_step: f32) {
         self.origins.copy_from(&particles.position);
         self.skins.clear();
         self.skins.extend(particles.radius.iter().enumerate().map(|(slot, &radius)| {
             if radius == 0.0 {
                 return f32::INFINITY;
             }
-            let travel = particles.velocity.get(slot).length() * time_step;
-            // Not clamp, which would let NaN through.
-            travel.max(THIN_SKIN * radius).min(THICK_SKIN * radius)
+            let travel = particles.velocity.get(slot).length() * PATIENCE * time_step;
+            if travel > THIN_SKIN * radius { THICK_SKIN * radius } else { THIN_SKIN * radius }
         }));
+    }
 
+    /// Finds the pairs.
+    fn search(&mut self, particles: &Particles) {
         let Self { grid, found, skins, joints, .. } = self;
         found.clear();
         let spheres = (0..particles.len())
@@ -203,94 +208,47 @@ impl Candidates {
                 found.push((a, b));
             }
         });
-        self.sort_found(particles.len());
-        self.recall(particles, previous);
     }
 
-    /// Sorts the pairs that the grid found by their first, then their second particle.
-    fn sort_found(&mut self, count: usize) {
-        std::mem::swap(&mut self.starts, &mut self.old.starts);
-        std::mem::swap(&mut self.others, &mut self.old.others);
-        std::mem::swap(&mut self.memories, &mut self.old.memories);
-        std::mem::swap(&mut self.entangled, &mut self.old.entangled);
-        self.starts.clear();
-        self.starts.resize(count + 1, 0);
-        for (a, _) in &self.found {
-            self.starts[*a as usize] += 1;
-        }
-        let mut total = 0;
-        for start in &mut self.starts {
-            total += *start;
-            *start = total;
-        }
-        self.others.clear();
-        self.others.resize(self.found.len(), 0);
-        for (a, b) in &self.found {
-            let start = &mut self.starts[*a as usize];
-            *start -= 1;
-            self.others[*start as usize] = *b;
-        }
-        for bounds in self.starts.windows(2) {
-            self.others[bounds[0] as usize..bounds[1] as usize].sort_unstable();
-        }
-    }
-
-    /// Lists the pairs by the height of their lower particle.
+    /// Lists the pairs by the height of their middle: whatever carries a pair comes before it. (Not by
+    /// that of the lower particle: pairs in a row that share one would have to wait for each other.)
     fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
-        let Self { starts, others, bottom_up, heights: Heights { lowers, next }, .. } = self;
-        bottom_up.clear();
-        bottom_up.resize(others.len(), (0, 0, 0));
-        let (starts, others) = (&*starts, &*others);
+        let Self { list, heights, found, .. } = self;
         let height = |slot: u32| particles.position.get(slot as usize).dot(up);
-        let pairs = || {
-            starts.windows(2).enumerate().flat_map(|(a, bounds)| {
-                (bounds[0]..bounds[1]).map(move |pair| (a as u32, others[pair as usize], pair))
-            })
-        };
-        let sorted = |a: u32, b: u32| if height(b) < height(a) { (b, a) } else { (a, b) };
-
-        next.clear();
-        next.resize(particles.len(), 0);
-        for (a, b, _) in pairs() {
-            next[sorted(a, b).0 as usize] += 1;
-        }
-        lowers.clear();
-        lowers.extend((0..particles.len() as u32).filter(|slot| next[*slot as usize] > 0));
-        lowers.sort_by(|one, other| height(*one).total_cmp(&height(*other)));
-        let mut total = 0;
-        for &lower in &*lowers {
-            let count = std::mem::replace(&mut next[lower as usize], total);
-            total += count;
-        }
-        for (a, b, pair) in pairs() {
-            let (lower, upper) = sorted(a, b);
-            let place = &mut next[lower as usize];
-            bottom_up[*place as usize] = (lower, upper, pair);
-            *place += 1;
-        }
+        heights.clear();
+        heights.extend(found.iter().enumerate().map(|(place, (a, b))| {
+            // Floats sort like integers once the negative ones are turned round.
+            let bits = (height(*a) + height(*b)).to_bits();
+            let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+            u64::from(sortable) << 32 | place as u64
+        }));
+        heights.sort_unstable();
+        list.pairs.clear();
+        list.pairs.extend(heights.iter().map(|place| {
+            let (a, b) = found[*place as u32 as usize];
+            let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
+            Candidate { lower, upper, past: Past::Apart }
+        }));
+        list.index(particles.len());
     }
 
-    /// Carries the memories of the old pairs over to the new ones; both are sorted.
-    fn recall(&mut self, particles: &Particles, previous: &Vectors) {
-        self.memories.clear();
-        self.entangled.clear();
-        for (a, bounds) in self.starts.windows(2).enumerate() {
-            let old_bounds = self.old.starts.get(a..a + 2).map_or([0, 0], |bounds| [bounds[0], bounds[1]]);
-            let mut old = old_bounds[0] as usize;
-            for &b in &self.others[bounds[0] as usize..bounds[1] as usize] {
-                while old < old_bounds[1] as usize && self.old.others[old] < b {
-                    old += 1;
-                }
-                if old < old_bounds[1] as usize && self.old.others[old] == b {
-                    self.memories.push(self.old.memories[old]);
-                    self.entangled.push(self.old.entangled[old]);
-                } else {
-                    self.memories.push(Memory::default());
-                    let b = b as usize;
-                    let reach = particles.radius[a] + particles.radius[b];
-                    let overlaps = previous.get(a).distance_squared(previous.get(b)) < reach * reach;
-                    self.entangled.push(overlaps && self.joints.is_sprung(a) && self.joints.is_sprung(b));
-                }
+    /// Carries what is known of the old pairs over to the new ones.
+    fn recall(&mut self, particles: &Particles, previous: &[Vec3]) {
+        let Self { list, old, joints, .. } = self;
+        for pair in old.pairs.iter().filter(|pair| pair.past != Past::Apart) {
+            if let Some(new) = list.find(pair.lower, pair.upper) {
+                new.past = pair.past;
+            }
+        }
+        for pair in &mut list.pairs {
+            let (lower, upper) = (pair.lower as usize, pair.upper as usize);
+            if !joints.is_sprung(lower) || !joints.is_sprung(upper) || pair.past != Past::Apart {
+                continue;
+            }
+            let reach = particles.radius[lower] + particles.radius[upper];
+            let overlaps = previous[lower].distance_squared(previous[upper]) < reach * reach;
+            if overlaps && old.find(pair.lower, pair.upper).is_none() {
+                pair.past = Past::Entangled;
             }
         }
     }
@@ -308,61 +266,59 @@ mod tests {
         particles
     }
 
-    fn ranked(candidates: &Candidates) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-        (0..candidates.len()).map(|rank| candidates.bottom_up(rank))
+    /// Refreshes the candidates and lists them, each pair in the order of its slots.
+    fn refreshed(candidates: &mut Candidates, particles: &Particles) -> Vec<(u32, u32)> {
+        let previous: Vec<Vec3> = (0..particles.len()).map(|slot| particles.position.get(slot)).collect();
+        candidates.refresh(particles, &Springs::default(), &previous, Vec3::Y, 0.01);
+        let ordered = |pair: &Candidate| (pair.lower.min(pair.upper), pair.lower.max(pair.upper));
+        let mut pairs: Vec<_> = candidates.pairs().0.iter().map(ordered).collect();
+        pairs.sort_unstable();
+        pairs
     }
 
-    fn listed(candidates: &Candidates) -> Vec<(usize, usize)> {
-        let mut pairs: Vec<_> = ranked(candidates).map(|(a, b, pair)| (pair, a.min(b), a.max(b))).collect();
-        pairs.sort_unstable();
-        pairs.into_iter().map(|(_, a, b)| (a, b)).collect()
+    fn past(candidates: &mut Candidates, a: u32, b: u32) -> Past {
+        candidates.list.find(a, b).expect("the pair is listed").past
     }
 
     #[test]
-    fn memories_survive_rebuilding_and_renumbering() {
+    fn the_past_survives_rebuilding_and_renumbering() {
         let mut particles = row(1.0, 4);
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), [(0, 1), (1, 2), (2, 3)]);
-        let memory = Memory { normal: 7.0, friction: Vec3::X };
-        candidates.remember(2, memory);
+        assert_eq!(refreshed(&mut candidates, &particles), [(0, 1), (1, 2), (2, 3)]);
+        candidates.list.find(2, 3).expect("the pair is listed").past = Past::Contact(7);
 
         particles.position.set(0, Vec3::X * -5.0);
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), [(1, 2), (2, 3)]);
-        assert_eq!(candidates.memory(1), memory);
+        assert_eq!(refreshed(&mut candidates, &particles), [(1, 2), (2, 3)]);
+        assert_eq!(past(&mut candidates, 2, 3), Past::Contact(7));
+        assert_eq!(past(&mut candidates, 1, 2), Past::Apart);
 
         candidates.renumber(&[None, Some(0), Some(1), Some(2)], 3);
         particles = row(1.0, 3);
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), [(0, 1), (1, 2)]);
-        assert_eq!(candidates.memory(1), memory);
+        assert_eq!(refreshed(&mut candidates, &particles), [(0, 1), (1, 2)]);
+        assert_eq!(past(&mut candidates, 1, 2), Past::Contact(7));
     }
 
     #[test]
     fn the_list_is_good_until_a_skin_is_outrun() {
         let mut particles = row(1.5, 2);
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), []);
-        particles.position.set(1, Vec3::X * 1.38);
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), [], "still within the skin of 0.125 m");
+        assert_eq!(refreshed(&mut candidates, &particles), []);
+        particles.position.set(1, Vec3::X * 1.42);
+        assert_eq!(refreshed(&mut candidates, &particles), [], "still within the skin of 0.1 m");
         particles.position.set(1, Vec3::X * 1.2);
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), [(0, 1)]);
+        assert_eq!(refreshed(&mut candidates, &particles), [(0, 1)]);
     }
 
     #[test]
     fn pairs_come_from_the_bottom_up() {
         let mut particles = Particles::default();
-        for height in [2.0, 0.0, 1.0] {
+        for height in [2.0, -1.0, 0.0, 1.0] {
             particles.push(Vec3::Y * height, Vec3::ZERO, 1.0, 0.6);
         }
         let mut candidates = Candidates::default();
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        let pairs: Vec<_> = ranked(&candidates).map(|(lower, upper, _)| (lower, upper)).collect();
-        assert_eq!(pairs, [(1, 2), (2, 0)]);
+        refreshed(&mut candidates, &particles);
+        let pairs: Vec<_> = candidates.pairs().0.iter().map(|pair| (pair.lower, pair.upper)).collect();
+        assert_eq!(pairs, [(1, 2), (2, 3), (3, 0)]);
     }
 
     #[test]
@@ -371,8 +327,6 @@ mod tests {
         particles.radius[0] = 0.0;
         particles.inverse_mass[1] = 0.0;
         particles.inverse_mass[2] = 0.0;
-        let mut candidates = Candidates::default();
-        candidates.refresh(&particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
-        assert_eq!(listed(&candidates), []);
+        assert_eq!(refreshed(&mut Candidates::default(), &particles), []);
     }
 }

@@ -8,19 +8,37 @@
 //! hashing for collision detection of deformable objects*, VMV 2003. Several grids: Eitz and Gu,
 //! *Hierarchical spatial hashing for real-time collision detection*, SMI 2007.)
 
+use std::ops::Range;
+
 use bevy::math::{IVec3, Vec3};
 
 /// Number of size classes: one for each exponent of an f32.
 const CLASSES: usize = 256;
 
-/// A sphere in its cell.
+/// A sphere looks for smaller ones at most so many of their cells away.
+const MOST_RANGE: f32 = 8.0;
+
+/// A sphere, as it is tested against others.
 #[derive(Debug, Clone, Copy, Default)]
-struct Entry {
-    cell: IVec3,
-    class: u32,
-    slot: u32,
+struct Sphere {
     center: Vec3,
     reach: f32,
+}
+
+/// Which sphere it is, and where it lies.
+#[derive(Debug, Clone, Copy, Default)]
+struct Label {
+    slot: u32,
+    class: u32,
+    cell: IVec3,
+}
+
+/// The spheres of one class look for those of another: in the cells up to `range` from their own.
+#[derive(Debug, Clone, Copy)]
+struct Search {
+    from: u32,
+    to: u32,
+    range: i32,
 }
 
 /// The grid. Its arrays are kept between uses.
@@ -28,9 +46,13 @@ struct Entry {
 pub(super) struct Grid {
     /// The cell size of each class, m; 0 for a class without spheres.
     cell_sizes: Vec<f32>,
-    unsorted: Vec<Entry>,
-    entries: Vec<Entry>,
-    /// `bucket_starts[b]..bucket_starts[b + 1]` are the entries of bucket b.
+    /// The number of spheres of each class.
+    counts: Vec<u32>,
+    searches: Vec<Search>,
+    unsorted: Vec<(Sphere, Label)>,
+    spheres: Vec<Sphere>,
+    labels: Vec<Label>,
+    /// `bucket_starts[b]..bucket_starts[b + 1]` are the spheres of bucket b.
     bucket_starts: Vec<u32>,
     mask: u32,
 }
@@ -48,22 +70,22 @@ impl Grid {
         mut found: impl FnMut(u32, u32),
     ) {
         self.fill(spheres);
-        let present: Vec<u32> =
-            (0..CLASSES as u32).filter(|class| self.cell_sizes[*class as usize] > 0.0).collect();
-        for (index, entry) in self.entries.iter().enumerate() {
-            let cell = entry.cell;
-            for other in &self.entries[index + 1..self.bucket_end(entry)] {
-                test(entry, entry.class, cell, 1, other, &mut found);
-            }
-            self.visit(entry, entry.class, cell.wrapping_add(IVec3::X), 1, &mut found);
+        self.plan_searches();
+        for (index, (sphere, label)) in self.spheres.iter().zip(&self.labels).enumerate() {
+            let Label { class, cell, .. } = *label;
+            let own = bucket(class, cell, self.mask);
+            let own_end = self.bucket_starts[own + 1] as usize;
+            self.test(index, index + 1..own_end, class, cell, 1, &mut found);
+            self.visit(index, class, cell.wrapping_add(IVec3::X), 1, &mut found);
             for (y, z) in LATER_ROWS {
-                self.visit(entry, entry.class, cell.wrapping_add(IVec3::new(-1, y, z)), 3, &mut found);
+                self.visit(index, class, cell.wrapping_add(IVec3::new(-1, y, z)), 3, &mut found);
             }
-            for &class in present.iter().filter(|class| **class > entry.class) {
-                let center = cell_of(entry.center, self.cell_sizes[class as usize]);
-                for row in 0..9 {
-                    let offset = IVec3::new(-1, row % 3 - 1, row / 3 - 1);
-                    self.visit(entry, class, center.wrapping_add(offset), 3, &mut found);
+            for search in self.searches.iter().filter(|search| search.from == class) {
+                let Search { to, range, .. } = *search;
+                let corner = cell_of(sphere.center, self.cell_sizes[to as usize]);
+                for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
+                    let row = corner.wrapping_add(IVec3::new(-range, y, z));
+                    self.visit(index, to, row, 2 * range + 1, &mut found);
                 }
             }
         }
@@ -73,22 +95,25 @@ impl Grid {
     fn fill(&mut self, spheres: impl Iterator<Item = (u32, Vec3, f32)>) {
         self.cell_sizes.clear();
         self.cell_sizes.resize(CLASSES, 0.0);
+        self.counts.clear();
+        self.counts.resize(CLASSES, 0);
         self.unsorted.clear();
         for (slot, center, reach) in spheres {
             // The exponent of the diameter: spheres of one class differ by less than a factor of two.
             let class = (2.0 * reach).to_bits() >> 23;
             let size = &mut self.cell_sizes[class as usize];
             *size = size.max(2.0 * reach);
-            self.unsorted.push(Entry { cell: IVec3::ZERO, class, slot, center, reach });
+            self.counts[class as usize] += 1;
+            self.unsorted.push((Sphere { center, reach }, Label { slot, class, cell: IVec3::ZERO }));
         }
-        // At least four, so that three in a row are three different ones.
-        let buckets = (2 * self.unsorted.len()).next_power_of_two().max(4);
+        // More buckets than the longest row of cells, so that its cells come into different ones.
+        let buckets = (2 * self.unsorted.len()).next_power_of_two().max(MOST_RANGE as usize * 4);
         self.mask = buckets as u32 - 1;
         self.bucket_starts.clear();
         self.bucket_starts.resize(buckets + 1, 0);
-        for entry in &mut self.unsorted {
-            entry.cell = cell_of(entry.center, self.cell_sizes[entry.class as usize]);
-            self.bucket_starts[bucket(entry.class, entry.cell, self.mask)] += 1;
+        for (sphere, label) in &mut self.unsorted {
+            label.cell = cell_of(sphere.center, self.cell_sizes[label.class as usize]);
+            self.bucket_starts[bucket(label.class, label.cell, self.mask)] += 1;
         }
         let mut total = 0;
         for start in &mut self.bucket_starts {
@@ -96,47 +121,80 @@ impl Grid {
             *start = total;
         }
         // Filled from behind, so that each count becomes the start of its bucket.
-        self.entries.clear();
-        self.entries.resize(self.unsorted.len(), Entry::default());
-        for entry in self.unsorted.iter().rev() {
-            let start = &mut self.bucket_starts[bucket(entry.class, entry.cell, self.mask)];
+        self.spheres.clear();
+        self.spheres.resize(self.unsorted.len(), Sphere::default());
+        self.labels.clear();
+        self.labels.resize(self.unsorted.len(), Label::default());
+        for (sphere, label) in self.unsorted.iter().rev() {
+            let start = &mut self.bucket_starts[bucket(label.class, label.cell, self.mask)];
             *start -= 1;
-            self.entries[*start as usize] = *entry;
+            self.spheres[*start as usize] = *sphere;
+            self.labels[*start as usize] = *label;
         }
     }
 
-    fn bucket_end(&self, entry: &Entry) -> usize {
-        self.bucket_starts[bucket(entry.class, entry.cell, self.mask) + 1] as usize
-    }
-
-    /// Tests `entry` against all spheres of `count` cells in a row along x, which lie in buckets in a
-    /// row too.
-    fn visit(&self, entry: &Entry, class: u32, cell: IVec3, count: u32, found: &mut impl FnMut(u32, u32)) {
-        let first = bucket(class, cell, self.mask);
-        let end = first + count as usize;
-        let buckets = self.bucket_starts.len() - 1;
-        let (end, wrapped) = if end <= buckets { (end, 0) } else { (buckets, end - buckets) };
-        for range in [first..end, 0..wrapped] {
-            let entries = self.bucket_starts[range.start] as usize..self.bucket_starts[range.end] as usize;
-            for other in &self.entries[entries] {
-                test(entry, class, cell, count, other, found);
+    /// Which classes look for which: of two, the one that has less to visit.
+    fn plan_searches(&mut self) {
+        let Self { cell_sizes, counts, searches, .. } = self;
+        searches.clear();
+        let present = |class: &u32| counts[*class as usize] > 0;
+        for small in (0..CLASSES as u32).filter(present) {
+            for large in (small + 1..CLASSES as u32).filter(present) {
+                let ratio = cell_sizes[large as usize] / cell_sizes[small as usize];
+                // Half a cell of either class reaches so many small cells.
+                let range = (0.5 * (ratio + 1.0)).ceil();
+                let rows = (2.0 * range + 1.0) * (2.0 * range + 1.0);
+                let from_large = counts[large as usize] as f32 * rows;
+                searches.push(if range <= MOST_RANGE && from_large < counts[small as usize] as f32 * 9.0 {
+                    Search { from: large, to: small, range: range as i32 }
+                } else {
+                    Search { from: small, to: large, range: 1 }
+                });
             }
         }
     }
-}
 
-/// Reports the pair if `other` overlaps and lies in one of the cells that were meant: a bucket may
-/// serve several.
-#[inline]
-fn test(entry: &Entry, class: u32, cell: IVec3, count: u32, other: &Entry, found: &mut impl FnMut(u32, u32)) {
-    let reach = entry.reach + other.reach;
-    if entry.center.distance_squared(other.center) <= reach * reach
-        && other.class == class
-        && other.cell.y == cell.y
-        && other.cell.z == cell.z
-        && (other.cell.x.wrapping_sub(cell.x) as u32) < count
-    {
-        found(entry.slot, other.slot);
+    /// Tests the sphere at `index` against all spheres of `count` cells in a row along x from `cell`,
+    /// which lie in buckets in a row too.
+    #[inline]
+    fn visit(&self, index: usize, class: u32, cell: IVec3, count: i32, found: &mut impl FnMut(u32, u32)) {
+        let first = bucket(class, cell, self.mask);
+        let end = first + count as usize;
+        let buckets = self.bucket_starts.len() - 1;
+        let start = self.bucket_starts[first] as usize;
+        if end <= buckets {
+            self.test(index, start..self.bucket_starts[end] as usize, class, cell, count, found);
+        } else {
+            self.test(index, start..self.spheres.len(), class, cell, count, found);
+            let wrapped = self.bucket_starts[end - buckets] as usize;
+            self.test(index, 0..wrapped, class, cell, count, found);
+        }
+    }
+
+    /// Reports which of `others` overlap the sphere at `index` and lie in one of the cells that are
+    /// meant: a bucket may serve several.
+    #[inline]
+    fn test(
+        &self,
+        index: usize,
+        others: Range<usize>,
+        class: u32,
+        cell: IVec3,
+        count: i32,
+        found: &mut impl FnMut(u32, u32),
+    ) {
+        let Sphere { center, reach } = self.spheres[index];
+        for (other, label) in self.spheres[others.clone()].iter().zip(&self.labels[others]) {
+            let reach = reach + other.reach;
+            if center.distance_squared(other.center) <= reach * reach
+                && label.class == class
+                && label.cell.y == cell.y
+                && label.cell.z == cell.z
+                && (label.cell.x.wrapping_sub(cell.x) as u32) < count as u32
+            {
+                found(self.labels[index].slot, label.slot);
+            }
+        }
     }
 }
 

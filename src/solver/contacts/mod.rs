@@ -14,10 +14,10 @@ mod pairs;
 mod plane;
 mod response;
 
-use bevy::math::Vec3;
+use bevy::math::{Vec3, Vec3A};
 
 use super::StepSettings;
-use super::particles::{Particles, Vectors};
+use super::particles::Particles;
 use super::springs::Springs;
 use bodies::Body;
 use candidates::Candidates;
@@ -83,15 +83,13 @@ pub struct Contacts {
     pub records: Vec<ContactRecord>,
     candidates: Candidates,
     pair_contacts: Vec<PairContact>,
+    /// The pair contacts of the substep before.
+    last_contacts: Vec<PairContact>,
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
     bodies: Vec<Body>,
-    /// Whether each particle rests on the ground or on something that does.
-    supported: Vec<bool>,
-    /// How many resting contacts each particle has.
-    holds: Vec<u32>,
-    /// Positions at the start of the substep; kept only where something rubs or piles up.
-    previous: Vectors,
+    /// Positions at the start of the substep, m.
+    previous: Vec<Vec3>,
 }
 
 impl Contacts {
@@ -119,8 +117,6 @@ impl Contacts {
 
     pub(super) fn begin_tick(&mut self, settings: &StepSettings) {
         self.records.clear();
-        self.pair_contacts.clear();
-        self.plane_contacts.clear();
         if settings.pair_rules.is_none() {
             self.candidates.clear();
         }
@@ -128,10 +124,9 @@ impl Contacts {
 
     /// Keeps the positions from which friction measures how far things slipped.
     pub(super) fn begin_substep(&mut self, particles: &Particles, settings: &StepSettings) {
-        let rubbing_planes =
-            settings.collide_with_planes && self.planes.iter().any(|plane| plane.friction > 0.0);
-        if rubbing_planes || settings.pair_rules.is_some() {
-            self.previous.copy_from(&particles.position);
+        if settings.collide_with_planes || settings.pair_rules.is_some() {
+            self.previous.clear();
+            self.previous.extend((0..particles.len()).map(|slot| particles.position.get(slot)));
         }
     }
 
@@ -149,12 +144,10 @@ impl Contacts {
             return;
         }
         let rules = settings.pair_rules.unwrap_or_default();
-        self.find_support(settings.gravity);
         let gravity = settings.gravity.length();
         self.solve_velocities(rules, gravity * substep, settings.scheme.displacement_share() * substep);
         self.hold_jammed(gravity * substep);
         self.solve_positions(rules, substep);
-        pairs::remember(&self.pair_contacts, &mut self.candidates);
         bodies::write_back(&self.bodies, particles);
         if self.recording {
             self.record(particles);
@@ -186,29 +179,34 @@ impl Contacts {
                 self.surfaces.push(surface);
             }
         }
+        std::mem::swap(&mut self.pair_contacts, &mut self.last_contacts);
+        self.pair_contacts.clear();
+        let up = -settings.gravity.normalize_or_zero();
         if settings.pair_rules.is_some() {
-            let up = -settings.gravity.normalize_or_zero();
             self.candidates.refresh(particles, springs, &self.previous, up, settings.time_step);
-            bodies::fill(&mut self.bodies, particles);
-            let Self { candidates, bodies, pair_contacts, .. } = self;
-            pairs::find(candidates, bodies, &particles.acceleration, rebound, pair_contacts);
-        } else if !self.plane_contacts.is_empty() {
-            bodies::fill(&mut self.bodies, particles);
         }
-    }
-
-    /// Finds out which contacts carry weight down to the ground.
-    fn find_support(&mut self, gravity: Vec3) {
-        if self.pair_contacts.is_empty() {
-            return;
+        let any_pairs = settings.pair_rules.is_some() && !self.candidates.is_empty();
+        if any_pairs || !self.plane_contacts.is_empty() {
+            bodies::fill(&mut self.bodies, particles, &self.previous);
         }
-        let up = -gravity.normalize_or_zero();
-        self.supported.clear();
-        self.supported.extend(self.bodies.iter().map(|body| body.inverse_mass == 0.0));
-        for contact in &self.plane_contacts {
-            self.supported[contact.slot] |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+        if any_pairs {
+            let up = Vec3A::from(up);
+            for contact in &self.plane_contacts {
+                let body = &mut self.bodies[contact.slot];
+                body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                body.holds += 1;
+            }
+            let Self { candidates, bodies, pair_contacts, last_contacts, .. } = self;
+            pairs::find(
+                candidates,
+                bodies,
+                &particles.acceleration,
+                rebound,
+                up,
+                last_contacts,
+                pair_contacts,
+            );
         }
-        pairs::propagate_support(&mut self.pair_contacts, up, &mut self.supported);
     }
 
     fn solve_velocities(&mut self, rules: PairRules, resting_speed: f32, reach: f32) {
@@ -242,35 +240,28 @@ impl Contacts {
         if self.pair_contacts.is_empty() {
             return;
         }
-        self.holds.clear();
-        self.holds.resize(self.bodies.len(), 0);
-        pairs::count_holds(&self.pair_contacts, &mut self.holds);
-        for contact in &self.plane_contacts {
-            self.holds[contact.slot] += 1;
-        }
-        for (slot, body) in self.bodies.iter_mut().enumerate() {
-            let held = self.holds[slot] >= JAMMING_CONTACTS && self.supported[slot];
-            let slow = body.velocity.length_squared() < resting_speed * resting_speed;
-            if held && slow && body.inverse_mass > 0.0 {
-                body.velocity = Vec3::ZERO;
-                body.position = self.previous.get(slot);
+        for body in &mut self.bodies {
+            let held = body.holds >= JAMMING_CONTACTS && body.supported && body.inverse_mass > 0.0;
+            if held && body.velocity.length_squared() < resting_speed * resting_speed {
+                body.velocity = Vec3A::ZERO;
+                body.position = body.previous;
             }
         }
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, surfaces, bodies, previous, holds, .. } = self;
+        let Self { pair_contacts, plane_contacts, surfaces, bodies, .. } = self;
         for _ in 0..POSITION_ROUNDS {
-            pairs::solve_positions(pair_contacts, rules, bodies, previous, holds);
+            pairs::solve_positions(pair_contacts, rules, bodies);
             for contact in &*plane_contacts {
-                plane::solve_position(contact, &surfaces[contact.plane], bodies, previous, substep);
+                plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
         }
     }
 
     fn record(&mut self, particles: &Particles) {
         for contact in &self.plane_contacts {
-            let normal = self.surfaces[contact.plane].normal;
+            let normal = Vec3::from(self.surfaces[contact.plane].normal);
             self.records.push(ContactRecord {
                 slot: contact.slot,
                 other: ContactPartner::Plane(contact.plane),
@@ -281,11 +272,12 @@ impl Contacts {
         }
         for contact in &self.pair_contacts {
             // The same way round whoever is the upper one, as that may change within a tick.
-            let (slot, other, normal) = if contact.first < contact.second {
-                (contact.first, contact.second, contact.normal)
+            let (slot, other, normal) = if contact.first() < contact.second() {
+                (contact.first(), contact.second(), contact.normal)
             } else {
-                (contact.second, contact.first, -contact.normal)
+                (contact.second(), contact.first(), -contact.normal)
             };
+            let normal = Vec3::from(normal);
             self.records.push(ContactRecord {
                 slot,
                 other: ContactPartner::Particle(other),

@@ -10,28 +10,35 @@
 //!
 //! In a pair the first particle is the upper, the second the lower one.
 
-use bevy::math::Vec3;
+use bevy::math::Vec3A;
 
 use crate::solver::particles::Vectors;
 
 use super::PairRules;
 use super::bodies::Body;
-use super::candidates::{Candidates, Memory};
-use super::response::{Approach, Rebound, friction, tangential};
+use super::candidates::{Candidate, Candidates, Past};
+use super::response::{Approach, Rebound, friction, shortened, tangential};
+
+/// The impulses that a contact has given.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Impulses {
+    /// Normal impulse, N·s, >= 0.
+    pub normal: f32,
+    /// Friction impulse, N·s.
+    pub friction: Vec3A,
+}
 
 /// A pair that touches.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PairContact {
-    pub first: usize,
-    pub second: usize,
-    /// Index among the candidates.
-    pair: usize,
+    first: u32,
+    second: u32,
     /// From the second to the first.
-    pub normal: Vec3,
+    pub normal: Vec3A,
     target_velocity: f32,
     /// 1 / (1/m1 + 1/m2), kg.
     reduced_mass: f32,
-    pub impulses: Memory,
+    pub impulses: Impulses,
     /// Whether the pair rests: its impulses are a load, and displace it as any force does.
     resting: bool,
     /// Whether the lower particle carries the upper one and cannot give way.
@@ -41,17 +48,22 @@ pub(super) struct PairContact {
 }
 
 impl PairContact {
-    /// How deep the pair overlaps along the normal of the contact, m. The normal stays as it was found:
-    /// a particle that is lifted past the centre of the next one is still below it.
+    /// The slot of the upper particle.
     #[inline]
-    fn depth(&self, bodies: &[Body]) -> f32 {
-        let (first, second) = (&bodies[self.first], &bodies[self.second]);
-        first.radius + second.radius - (first.position - second.position).dot(self.normal)
+    pub fn first(&self) -> usize {
+        self.first as usize
     }
 
+    /// The slot of the lower particle.
     #[inline]
-    fn relative_velocity(&self, bodies: &[Body]) -> Vec3 {
-        bodies[self.first].velocity - bodies[self.second].velocity
+    pub fn second(&self) -> usize {
+        self.second as usize
+    }
+
+    /// The upper and the lower particle.
+    #[inline(always)]
+    fn both<'a>(&self, bodies: &'a mut [Body]) -> [&'a mut Body; 2] {
+        bodies.get_disjoint_mut([self.first(), self.second()]).expect("a pair is of two particles")
     }
 
     /// Gives both their impulse. If the pair rests, the impulse also takes back what the load displaced
@@ -59,50 +71,72 @@ impl PairContact {
     ///
     /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
     #[inline(always)]
-    fn apply(&self, impulse: Vec3, bodies: &mut [Body], reach: f32) {
-        let first_change = impulse * bodies[self.first].inverse_mass;
-        let second_change = impulse * -bodies[self.second].inverse_mass;
-        bodies[self.first].velocity += first_change;
-        bodies[self.second].velocity += second_change;
+    fn apply(&self, impulse: Vec3A, [first, second]: [&mut Body; 2], reach: f32) {
+        let first_change = impulse * first.inverse_mass;
+        let second_change = impulse * -second.inverse_mass;
+        first.velocity += first_change;
+        second.velocity += second_change;
         if self.resting {
-            bodies[self.first].position += first_change * reach;
-            bodies[self.second].position += second_change * reach;
+            first.position += first_change * reach;
+            second.position += second_change * reach;
         }
     }
 }
 
 /// The unit vector along `separation`; +Y for two particles in the same place.
-fn direction(separation: Vec3, distance: f32) -> Vec3 {
-    if distance == 0.0 { Vec3::Y } else { separation / distance }
+fn direction(separation: Vec3A, distance: f32) -> Vec3A {
+    if distance == 0.0 { Vec3A::Y } else { separation / distance }
 }
 
-/// Finds the touching pairs among the candidates, and forgets the impulses of the others.
+/// Lists in `near` the places of the pairs that are at most `slop` m apart; the others have no past.
+///
+/// It does so without a branch: about half of the pairs are near, no processor could guess which.
+fn look_near(pairs: &mut [Candidate], bodies: &[Body], slop: f32, near: &mut Vec<u32>) {
+    near.clear();
+    near.resize(pairs.len(), 0);
+    let mut count = 0;
+    for (place, pair) in pairs.iter_mut().enumerate() {
+        let (upper, lower) = (&bodies[pair.upper as usize], &bodies[pair.lower as usize]);
+        let most = upper.radius + lower.radius + slop;
+        let is_near = (upper.position - lower.position).length_squared() <= most * most;
+        near[count] = place as u32;
+        count += usize::from(is_near);
+        pair.past = if is_near { pair.past } else { Past::Apart };
+    }
+    near.truncate(count);
+}
+
+/// Finds the touching pairs among the candidates, from the bottom up, with the impulses that they had in
+/// `last`, the contacts of the substep before; and finds out who rests on whom.
 pub(super) fn find(
     candidates: &mut Candidates,
-    bodies: &[Body],
+    bodies: &mut [Body],
     acceleration: &Vectors,
     rebound: Rebound,
+    up: Vec3A,
+    last: &[PairContact],
     found: &mut Vec<PairContact>,
 ) {
     found.clear();
-    for index in 0..candidates.len() {
-        let (second, first, pair) = candidates.bottom_up(index);
+    let (pairs, joints, near) = candidates.pairs();
+    look_near(pairs, bodies, rebound.slop, near);
+    for place in &*near {
+        let candidate = &mut pairs[*place as usize];
+        let past = std::mem::replace(&mut candidate.past, Past::Apart);
+        let (first, second) = (candidate.upper as usize, candidate.lower as usize);
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let squared = separation.length_squared();
-        let most = reach + rebound.slop;
-        if squared > most * most || squared.is_nan() {
-            continue;
-        }
-        if candidates.is_entangled(pair, squared > reach * reach) {
+        if past == Past::Entangled && squared <= reach * reach {
+            candidate.past = Past::Entangled;
             continue;
         }
         let distance = squared.sqrt();
         let normal = direction(separation, distance);
         let approach = Approach {
             velocity: (upper.velocity - lower.velocity).dot(normal),
-            acceleration: (acceleration.get(first) - acceleration.get(second)).dot(normal),
+            acceleration: Vec3A::from(acceleration.get(first) - acceleration.get(second)).dot(normal),
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
@@ -110,20 +144,27 @@ pub(super) fn find(
         if distance > reach && !resting {
             continue;
         }
+        let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
+        let supported = lower.supported && normal.dot(up) > STEEPEST_SUPPORT;
+        bodies[first].supported |= supported;
+        bodies[first].holds += u32::from(resting);
+        bodies[second].holds += u32::from(resting);
+        candidate.past = Past::Contact(found.len() as u32);
         found.push(PairContact {
-            first,
-            second,
-            pair,
+            first: candidate.upper,
+            second: candidate.lower,
             normal,
             target_velocity,
-            reduced_mass: 1.0 / (upper.inverse_mass + lower.inverse_mass),
-            impulses: candidates.memory(pair),
+            reduced_mass,
+            impulses: match past {
+                Past::Contact(index) => last[index as usize].impulses,
+                _ => Impulses::default(),
+            },
             resting,
-            supports: false,
-            sprung: candidates.is_sprung(first, second),
+            supports: supported,
+            sprung: joints.is_sprung(first) || joints.is_sprung(second),
         });
     }
-    candidates.forget_all();
 }
 
 /// Applies the impulses of the last substep.
@@ -132,7 +173,7 @@ pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], reac
         // The normal has turned a little since: keep what is tangential to it now.
         contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
         let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        contact.apply(impulse, bodies, reach);
+        contact.apply(impulse, contact.both(bodies), reach);
     }
 }
 
@@ -147,13 +188,15 @@ pub(super) fn solve_velocities(
 ) -> bool {
     let mut corrected = false;
     for contact in contacts {
-        let relative = contact.relative_velocity(bodies);
+        let [first, second] = contact.both(bodies);
+        let relative = first.velocity - second.velocity;
         let old = contact.impulses;
         let missing = contact.target_velocity - relative.dot(contact.normal);
         if missing <= 0.0 && old.normal == 0.0 {
             continue;
         }
-        if contact.resting && relative.length_squared() < tolerance * tolerance {
+        let error = if rules.friction > 0.0 { relative.length_squared() } else { missing * missing };
+        if contact.resting && error < tolerance * tolerance {
             continue;
         }
         contact.impulses.normal = (old.normal + missing * contact.reduced_mass).max(0.0);
@@ -161,11 +204,11 @@ pub(super) fn solve_velocities(
         if rules.friction > 0.0 {
             let sticking = old.friction - tangential(relative, contact.normal) * contact.reduced_mass;
             let limit = rules.friction * contact.impulses.normal;
-            contact.impulses.friction = sticking.clamp_length_max(limit);
+            contact.impulses.friction = shortened(sticking, limit);
             change += contact.impulses.friction - old.friction;
         }
         corrected = true;
-        contact.apply(change, bodies, reach);
+        contact.apply(change, [first, second], reach);
     }
     corrected
 }
@@ -183,31 +226,21 @@ const RESTING_OVERLAP: f32 = 0.001;
 const SPRUNG_CORRECTION: f32 = 0.01;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
-/// where they stuck. `previous` are the positions at the start of the substep, `holds` how many resting
-/// contacts each particle has.
-pub(super) fn solve_positions(
-    contacts: &[PairContact],
-    rules: PairRules,
-    bodies: &mut [Body],
-    previous: &Vectors,
-    holds: &[u32],
-) {
+/// where they stuck.
+pub(super) fn solve_positions(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
     for contact in contacts {
-        let depth = contact.depth(bodies);
-        let (first, second) = (contact.first, contact.second);
-        let shared = contact.resting && holds[first] + holds[second] > 2;
-        let (most, part) = if shared {
-            (RESTING_OVERLAP * (bodies[first].radius + bodies[second].radius), RESTING_CORRECTION)
-        } else {
-            (0.0, 1.0)
-        };
+        let [first, second] = contact.both(bodies);
+        let reach = first.radius + second.radius;
+        // The normal stays as it was found: who is lifted past the centre of the next is still below it.
+        let depth = reach - (first.position - second.position).dot(contact.normal);
+        let shared = contact.resting && first.holds + second.holds > 2;
+        let (most, part) = if shared { (RESTING_OVERLAP * reach, RESTING_CORRECTION) } else { (0.0, 1.0) };
         if depth <= most {
             continue;
         }
         let mut depth = part * (depth - most);
         if contact.sprung {
-            let moved = |slot: usize| bodies[slot].position - previous.get(slot);
-            let approached = (moved(second) - moved(first)).dot(contact.normal);
+            let approached = (second.moved() - first.moved()).dot(contact.normal);
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
                 continue;
@@ -215,51 +248,25 @@ pub(super) fn solve_positions(
         }
         let mut correction = contact.normal * depth;
         if rules.friction > 0.0 {
-            let moved = |slot: usize| bodies[slot].position - previous.get(slot);
-            let slip = tangential(moved(first) - moved(second), contact.normal);
+            let slip = tangential(first.moved() - second.moved(), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
         let correction = correction * contact.reduced_mass;
-        let first_correction = correction * bodies[first].inverse_mass;
-        let second_correction = correction * -bodies[second].inverse_mass;
-        bodies[first].position += first_correction;
-        bodies[second].position += second_correction;
+        first.position += correction * first.inverse_mass;
+        second.position -= correction * second.inverse_mass;
     }
 }
 
 /// How steep a contact must be, as the cosine to the vertical, to support the upper particle.
 const STEEPEST_SUPPORT: f32 = 0.2;
 
-/// Whose weight rests on the ground: `supported` begins with what touches it, and grows upwards.
-pub(super) fn propagate_support(contacts: &mut [PairContact], up: Vec3, supported: &mut [bool]) {
-    for contact in contacts {
-        contact.supports = supported[contact.second] && contact.normal.dot(up) > STEEPEST_SUPPORT;
-        supported[contact.first] |= contact.supports;
-    }
-}
-
 /// Stops what still sinks onto something supported.
 pub(super) fn stop_sinking(contacts: &[PairContact], bodies: &mut [Body]) {
     for contact in contacts.iter().filter(|contact| contact.supports) {
-        let approach = contact.relative_velocity(bodies).dot(contact.normal);
-        let upper = &mut bodies[contact.first];
+        let [upper, lower] = contact.both(bodies);
+        let approach = (upper.velocity - lower.velocity).dot(contact.normal);
         if approach < 0.0 && upper.inverse_mass > 0.0 {
             upper.velocity -= contact.normal * approach;
         }
-    }
-}
-
-/// Counts the resting contacts of each particle.
-pub(super) fn count_holds(contacts: &[PairContact], holds: &mut [u32]) {
-    for contact in contacts.iter().filter(|contact| contact.resting) {
-        holds[contact.first] += 1;
-        holds[contact.second] += 1;
-    }
-}
-
-/// Remembers the impulses for the next substep.
-pub(super) fn remember(contacts: &[PairContact], candidates: &mut Candidates) {
-    for contact in contacts {
-        candidates.remember(contact.pair, contact.impulses);
     }
 }

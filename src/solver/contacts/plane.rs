@@ -1,8 +1,8 @@
 //! Planes: solid half-spaces that may move.
 
-use bevy::math::{Quat, Vec3};
+use bevy::math::{Quat, Vec3, Vec3A};
 
-use crate::solver::particles::{Particles, Vectors};
+use crate::solver::particles::Particles;
 
 use super::bodies::Body;
 use super::response::{Approach, Rebound, friction, tangential};
@@ -32,10 +32,10 @@ pub struct Plane {
 /// A plane at one moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface {
-    point: Vec3,
-    pub normal: Vec3,
-    velocity: Vec3,
-    angular_velocity: Vec3,
+    point: Vec3A,
+    pub normal: Vec3A,
+    velocity: Vec3A,
+    angular_velocity: Vec3A,
     restitution: f32,
     pub friction: f32,
 }
@@ -50,22 +50,15 @@ impl Plane {
     /// The plane after the fraction `elapsed` of a tick of `time_step` seconds.
     pub(super) fn surface(&self, elapsed: f32, time_step: f32) -> Surface {
         let Self { start, target, restitution, friction } = *self;
-        if start == target {
-            return Surface {
-                point: target.point,
-                normal: target.rotation * Vec3::Y,
-                velocity: Vec3::ZERO,
-                angular_velocity: Vec3::ZERO,
-                restitution,
-                friction,
-            };
-        }
-        let turn = target.rotation * start.rotation.inverse();
+        let moving = start != target;
+        let turn = if moving { target.rotation * start.rotation.inverse() } else { Quat::IDENTITY };
+        let rotation = if moving { start.rotation.slerp(target.rotation, elapsed) } else { target.rotation };
+        let point = if moving { start.point.lerp(target.point, elapsed) } else { target.point };
         Surface {
-            point: start.point.lerp(target.point, elapsed),
-            normal: start.rotation.slerp(target.rotation, elapsed) * Vec3::Y,
-            velocity: (target.point - start.point) / time_step,
-            angular_velocity: turn.to_scaled_axis() / time_step,
+            point: point.into(),
+            normal: (rotation * Vec3::Y).into(),
+            velocity: ((target.point - start.point) / time_step).into(),
+            angular_velocity: (turn.to_scaled_axis() / time_step).into(),
             restitution,
             friction,
         }
@@ -74,16 +67,21 @@ impl Plane {
 
 impl Surface {
     /// How deep the sphere overlaps the half-space, m; negative when it does not touch.
-    pub fn depth(&self, position: Vec3, radius: f32) -> f32 {
+    pub fn depth(&self, position: Vec3A, radius: f32) -> f32 {
         radius - (position - self.point).dot(self.normal)
     }
 
-    /// How far above the surface the sphere may be found that was projected onto it, m.
-    fn rounding(&self, position: Vec3, radius: f32) -> f32 {
-        4.0 * f32::EPSILON * (position.abs().max_element() + self.point.abs().max_element() + radius)
+    /// Whether a sphere touches, or is found so little above the surface as one that was projected onto
+    /// it may be: by the roundings of its coordinates.
+    #[inline]
+    fn touches(&self, [x, y, z]: [f32; 3], radius: f32) -> bool {
+        let (point, normal) = (self.point, self.normal);
+        let depth = radius - ((x - point.x) * normal.x + (y - point.y) * normal.y + (z - point.z) * normal.z);
+        let size = x.abs() + y.abs() + z.abs() + radius + point.x.abs() + point.y.abs() + point.z.abs();
+        depth >= -4.0 * f32::EPSILON * size
     }
 
-    fn velocity_at(&self, position: Vec3) -> Vec3 {
+    fn velocity_at(&self, position: Vec3A) -> Vec3A {
         self.velocity + self.angular_velocity.cross(position - self.point)
     }
 }
@@ -93,11 +91,14 @@ impl Surface {
 pub(super) struct PlaneContact {
     pub slot: usize,
     pub plane: usize,
-    surface_velocity: Vec3,
+    surface_velocity: Vec3A,
     target_velocity: f32,
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
 }
+
+/// So many particles are tested together: most of them touch nothing, and the test runs in vectors.
+const BLOCK: usize = 64;
 
 /// Finds the free particles that touch `surface`.
 pub(super) fn find(
@@ -108,20 +109,30 @@ pub(super) fn find(
     found: &mut Vec<PlaneContact>,
 ) {
     let rebound = Rebound { restitution: surface.restitution, ..rebound };
-    for (slot, &radius) in particles.radius.iter().enumerate() {
-        let position = particles.position.get(slot);
-        let depth = surface.depth(position, radius);
-        if !(depth >= -surface.rounding(position, radius)) || particles.inverse_mass[slot] == 0.0 {
-            continue;
+    let [x, y, z] = particles.position.axes();
+    let blocks =
+        x.chunks(BLOCK).zip(y.chunks(BLOCK)).zip(z.chunks(BLOCK)).zip(particles.radius.chunks(BLOCK));
+    for (block, (((x, y), z), radius)) in blocks.enumerate() {
+        let mut touching = [false; BLOCK];
+        let spheres = x.iter().zip(y).zip(z).zip(radius);
+        for (touching, (((x, y), z), radius)) in touching.iter_mut().zip(spheres) {
+            *touching = surface.touches([*x, *y, *z], *radius);
         }
-        let surface_velocity = surface.velocity_at(position);
-        let approach = Approach {
-            velocity: (particles.velocity.get(slot) - surface_velocity).dot(surface.normal),
-            acceleration: particles.acceleration.get(slot).dot(surface.normal),
-            depth: depth.max(0.0),
-        };
-        let target_velocity = rebound.least_velocity_after(approach);
-        found.push(PlaneContact { slot, plane, surface_velocity, target_velocity, impulse: 0.0 });
+        for (offset, _) in touching.iter().enumerate().filter(|(_, touching)| **touching) {
+            let slot = block * BLOCK + offset;
+            if particles.inverse_mass[slot] == 0.0 {
+                continue;
+            }
+            let position = Vec3A::from(particles.position.get(slot));
+            let surface_velocity = surface.velocity_at(position);
+            let approach = Approach {
+                velocity: (Vec3A::from(particles.velocity.get(slot)) - surface_velocity).dot(surface.normal),
+                acceleration: Vec3A::from(particles.acceleration.get(slot)).dot(surface.normal),
+                depth: surface.depth(position, particles.radius[slot]).max(0.0),
+            };
+            let target_velocity = rebound.least_velocity_after(approach);
+            found.push(PlaneContact { slot, plane, surface_velocity, target_velocity, impulse: 0.0 });
+        }
     }
 }
 
@@ -139,14 +150,7 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
 }
 
 /// Puts the particle back onto the surface; static friction takes it back to where it stuck.
-/// `previous` are the positions at the start of the substep, empty where there is no friction.
-pub(super) fn solve_position(
-    contact: &PlaneContact,
-    surface: &Surface,
-    bodies: &mut [Body],
-    previous: &Vectors,
-    substep: f32,
-) {
+pub(super) fn solve_position(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], substep: f32) {
     let body = &mut bodies[contact.slot];
     let depth = surface.depth(body.position, body.radius);
     if depth <= 0.0 {
@@ -154,7 +158,7 @@ pub(super) fn solve_position(
     }
     let mut correction = surface.normal * depth;
     if surface.friction > 0.0 {
-        let slip = body.position - previous.get(contact.slot) - contact.surface_velocity * substep;
+        let slip = body.moved() - contact.surface_velocity * substep;
         correction += friction(tangential(slip, surface.normal), surface.friction * depth);
     }
     body.position += correction;

@@ -3,7 +3,7 @@
 //! The normal n points from the second body to the first; speeds along it are negative while the
 //! bodies approach. A plane is a second body of infinite mass.
 
-use bevy::math::Vec3;
+use bevy::math::Vec3A;
 
 /// The relative motion along the normal when a contact is found, at the end of a substep.
 #[derive(Debug, Clone, Copy)]
@@ -66,16 +66,22 @@ impl Rebound {
 /// The change of a tangential velocity by Coulomb friction: against it, at most `limit`.
 ///
 /// Also used for the tangential displacement of a substep, which static friction undoes.
-pub(super) fn friction(tangential: Vec3, limit: f32) -> Vec3 {
-    let length = tangential.length();
-    if length <= limit {
-        return -tangential;
-    }
-    tangential * (-limit / length)
+#[inline]
+pub(super) fn friction(tangential: Vec3A, limit: f32) -> Vec3A {
+    -shortened(tangential, limit)
+}
+
+/// `vector` made as short as `longest`, if it is longer. Without a branch: in a pile, what sticks and what
+/// slips lie side by side.
+#[inline]
+pub(super) fn shortened(vector: Vec3A, longest: f32) -> Vec3A {
+    // Of NaN (0 / 0) and 1 the smaller is 1.
+    vector * (longest / vector.length()).min(1.0)
 }
 
 /// The part of `vector` perpendicular to the unit vector `normal`.
-pub(super) fn tangential(vector: Vec3, normal: Vec3) -> Vec3 {
+#[inline]
+pub(super) fn tangential(vector: Vec3A, normal: Vec3A) -> Vec3A {
     vector - normal * vector.dot(normal)
 }
 
@@ -125,9 +131,9 @@ mod tests {
 
     #[test]
     fn friction_stops_or_opposes() {
-        assert_eq!(friction(Vec3::X * 0.3, 0.4), Vec3::X * -0.3);
-        assert_eq!(friction(Vec3::X * 4.0, 0.5), Vec3::X * -0.5);
-        assert_eq!(friction(Vec3::ZERO, 0.0), Vec3::ZERO);
-        assert_eq!(tangential(Vec3::new(1.0, 2.0, 3.0), Vec3::Y), Vec3::new(1.0, 0.0, 3.0));
+        assert_eq!(friction(Vec3A::X * 0.3, 0.4), Vec3A::X * -0.3);
+        assert_eq!(friction(Vec3A::X * 4.0, 0.5), Vec3A::X * -0.5);
+        assert_eq!(friction(Vec3A::ZERO, 0.0), Vec3A::ZERO);
+        assert_eq!(tangential(Vec3A::new(1.0, 2.0, 3.0), Vec3A::Y), Vec3A::new(1.0, 0.0, 3.0));
     }
 }
