@@ -10,6 +10,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
+use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
@@ -85,10 +86,8 @@ impl Net {
     }
 
     fn app(&self) -> App {
-        let mut app = App::new();
-        app.add_plugins((MinimalPlugins, MassSpringPlugin::default()))
-            .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
-            .insert_resource(Time::<Fixed>::from_seconds(f64::from(TICK)))
+        let mut app = headless_app();
+        app.add_plugins(MassSpringPlugin::default())
             .insert_resource(SolverSettings {
                 integrator: Integrator::SemiImplicitEuler,
                 substeps: Substeps::Fixed(SUBSTEPS),
@@ -108,13 +107,30 @@ impl Net {
             let spring = Spring::new(entities[link.0], entities[link.1], self.rest_length(link));
             world.spawn(spring.with_stiffness(self.stiffness).with_damping(self.damping));
         }
-        app.finish();
-        app.cleanup();
-        // The first update has no delta, the second numbers the slots.
-        app.update();
-        app.update();
+        start(&mut app);
         app
     }
+}
+
+/// An app whose every update runs one tick, its systems in a row: what is compared is the work, not the
+/// waking of threads.
+fn headless_app() -> App {
+    let mut app = App::new();
+    app.add_plugins(MinimalPlugins)
+        .insert_resource(TimeUpdateStrategy::FixedTimesteps(1))
+        .insert_resource(Time::<Fixed>::from_seconds(f64::from(TICK)));
+    app
+}
+
+fn start(app: &mut App) {
+    app.finish();
+    app.cleanup();
+    for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+        schedule.set_executor(SingleThreadedExecutor::new());
+    }
+    // The first update has no delta, the second numbers the slots.
+    app.update();
+    app.update();
 }
 
 /// What one writes first: a structure for each particle and each spring, and two loops.
@@ -231,7 +247,7 @@ fn assert_same_physics(net: &Net) {
 }
 
 fn nets(criterion: &mut Criterion) {
-    for net in [rope(100), rope(1_000), rope(10_000), cloth(32), cloth(100)] {
+    for net in [rope(100), rope(1_000), rope(10_000), cloth(32), cloth(100), cloth(316)] {
         assert_same_physics(&net);
         let mut group = criterion.benchmark_group(&net.name);
         group.throughput(Throughput::Elements(net.links.len() as u64 * u64::from(SUBSTEPS)));
@@ -304,5 +320,49 @@ fn balls(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, nets, balls);
+/// What a tick costs where nothing is, beside that of an app without the plugin.
+fn idle(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("no particles");
+    let mut empty = headless_app();
+    start(&mut empty);
+    group.bench_function("without the plugin", |bencher| bencher.iter(|| empty.update()));
+    let mut app = headless_app();
+    app.add_plugins(MassSpringPlugin::default());
+    start(&mut app);
+    group.bench_function("with the plugin", |bencher| bencher.iter(|| app.update()));
+    group.finish();
+}
+
+/// A particle that comes, and one that leaves, in every tick of a net of 100,000.
+fn edits(criterion: &mut Criterion) {
+    let net = cloth(316);
+    let mut group = criterion.benchmark_group(format!("edits of a {}", net.name));
+    group.sample_size(20);
+    let mut app = net.app();
+    group.bench_function("none", |bencher| bencher.iter(|| app.update()));
+    let mut last = None;
+    group.bench_function("one spawned, one despawned a tick", |bencher| {
+        bencher.iter(|| {
+            let world = app.world_mut();
+            if let Some(last) = last {
+                world.despawn(last);
+            }
+            last = Some(world.spawn((Particle::new(1.0, 0.0), Transform::from_xyz(0.0, 5.0, 0.0))).id());
+            app.update();
+        });
+    });
+    let mut particles = app.world_mut().query_filtered::<Entity, With<Particle>>();
+    let mut all: Vec<Entity> = particles.iter(app.world()).collect();
+    group.bench_function("one of the net despawned a tick", |bencher| {
+        bencher.iter(|| {
+            // From the middle, so that its springs lose an end.
+            let particle = all.swap_remove(all.len() / 2);
+            app.world_mut().despawn(particle);
+            app.update();
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, nets, balls, idle, edits);
 criterion_main!(benches);
