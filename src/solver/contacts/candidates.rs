@@ -171,25 +171,29 @@ impl Candidates {
         (&mut self.list.pairs, &self.joints, &mut self.near)
     }
 
-    /// Whether somebody has moved by more than its skin.
+    /// Whether somebody has moved by more than its skin. What all have moved by together does not count:
+    /// nobody comes closer to anybody by it.
     fn outrun(&self, particles: &Particles) -> bool {
         let [x, y, z] = particles.position.axes();
         let [origin_x, origin_y, origin_z] = self.origins.axes();
+        let common =
+            mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot)).to_array();
         let moved = x.iter().zip(origin_x).zip(y.iter().zip(origin_y)).zip(z.iter().zip(origin_z));
         moved.zip(&self.skins).any(|((((x, from_x), (y, from_y)), (z, from_z)), skin)| {
-            let moved = Vec3::new(x - from_x, y - from_y, z - from_z);
-            moved.length_squared() > skin * skin
+            let moved = [x - from_x - common[0], y - from_y - common[1], z - from_z - common[2]];
+            Vec3::from_array(moved).length_squared() > skin * skin
         })
     }
 
     fn choose_skins(&mut self, particles: &Particles, time_step: f32) {
         self.origins.copy_from(&particles.position);
+        let common = mean(particles.len(), |slot| particles.velocity.get(slot));
         self.skins.clear();
         self.skins.extend(particles.radius.iter().enumerate().map(|(slot, &radius)| {
             if radius == 0.0 {
                 return f32::INFINITY;
             }
-            let travel = particles.velocity.get(slot).length() * PATIENCE * time_step;
+            let travel = (particles.velocity.get(slot) - common).length() * PATIENCE * time_step;
             if travel > THIN_SKIN * radius { THICK_SKIN * radius } else { THIN_SKIN * radius }
         }));
     }
@@ -254,6 +258,14 @@ impl Candidates {
     }
 }
 
+/// About the mean of a vector over `count` particles: that of every sixteenth. Zero if it is not finite.
+fn mean(count: usize, vector: impl Fn(usize) -> Vec3) -> Vec3 {
+    let sample = (0..count).step_by(16);
+    let size = sample.len() as f32;
+    let mean = sample.map(vector).sum::<Vec3>() / size;
+    if mean.is_finite() { mean } else { Vec3::ZERO }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -307,6 +319,20 @@ mod tests {
         assert_eq!(refreshed(&mut candidates, &particles), [], "still within the skin of 0.1 m");
         particles.position.set(1, Vec3::X * 1.2);
         assert_eq!(refreshed(&mut candidates, &particles), [(0, 1)]);
+    }
+
+    #[test]
+    fn what_moves_together_is_not_searched_again() {
+        let mut particles = row(1.5, 40);
+        let mut candidates = Candidates::default();
+        refreshed(&mut candidates, &particles);
+        candidates.list.pairs.push(Candidate { lower: 7, upper: 8, past: Past::Apart });
+        for height in &mut particles.position.y {
+            *height += 100.0;
+        }
+        assert_eq!(refreshed(&mut candidates, &particles), [(7, 8)], "the same list");
+        particles.position.y[20] -= 1.0;
+        assert_eq!(refreshed(&mut candidates, &particles), [], "a new one");
     }
 
     #[test]
