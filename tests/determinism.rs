@@ -136,6 +136,35 @@ fn archetype_moves_do_not_matter() {
     assert_same(&run_once(false), &run_once(true), "the stirred run");
 }
 
+/// So many that every stage is shared among threads: a rope, a cloth, and a heap of balls in a box.
+fn large_scene(app: &mut App) -> Vec<Entity> {
+    let rope = |spring: Spring| spring.with_stiffness(400.0).with_damping(0.2);
+    let mut all = spawn_rope(app, Vec3::new(-30.0, 9.0, 0.0), 5000, 0.05, rope);
+    let width = 80;
+    let first = all.len();
+    for slot in 0..width * width {
+        let place = Vec3::new((slot % width) as f32 * 0.1, 8.0, 20.0 + (slot / width) as f32 * 0.1);
+        let particle = spawn(app, 0.01, 0.0, place);
+        all.push(particle);
+        for (exists, back) in [(slot % width > 0, 1), (slot >= width, width)] {
+            if exists {
+                let other = all[first + slot - back];
+                join(app, Spring::new(other, particle, 0.1).with_stiffness(100.0).with_damping(0.1));
+            }
+        }
+    }
+    for ball in 0..4000_u16 {
+        let (column, row, layer) = (ball % 16, ball / 16 % 16, ball / 256);
+        // Not quite a lattice, which would stand.
+        let jitter = Vec3::new(f32::from(ball % 11 * 7 % 11), 0.0, f32::from(ball % 13)) * 0.002;
+        let corner = Vec3::new(f32::from(column), f32::from(layer), f32::from(row)) * 0.23;
+        all.push(spawn(app, 1.0, 0.1, corner + jitter + Vec3::new(10.0, 0.11, 0.0)));
+    }
+    all
+}
+
+const LARGE_TICKS: u32 = 60;
+
 const THREADS: &str = "MASS_SPRING_TEST_THREADS";
 
 /// Not a test but the child process of the next one: task pools are made once in a process.
@@ -153,8 +182,9 @@ fn child_prints_its_history() {
     let options = TaskPoolOptions { max_total_threads: threads + 2, compute, ..TaskPoolOptions::default() };
     let mut app = app_on(options, MassSpringPlugin::default());
     println!("threads {}", ComputeTaskPool::get().thread_num());
-    let all = scene(&mut app, 20, |_| {});
-    for hash in history(&mut app, &all, TICKS) {
+    let mut all = scene(&mut app, 20, |_| {});
+    all.extend(large_scene(&mut app));
+    for hash in history(&mut app, &all, LARGE_TICKS) {
         println!("hash {hash}");
     }
 }
@@ -183,8 +213,8 @@ fn history_on(threads: usize) -> Vec<u64> {
 #[test]
 fn the_number_of_threads_does_not_matter() {
     let one = history_on(1);
-    assert_eq!(one.len(), TICKS as usize);
-    for threads in [2, 3] {
+    assert_eq!(one.len(), LARGE_TICKS as usize);
+    for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads), &format!("the run on {threads} threads"));
     }
 }
