@@ -44,6 +44,15 @@ pub(super) struct Candidate {
     pub past: Past,
 }
 
+/// Which pairs are near each other.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Near {
+    /// Their places in the list, for each block of pairs from its start.
+    pub places: Vec<u32>,
+    /// How many there are in each block.
+    pub counts: Vec<usize>,
+}
+
 /// The candidate pairs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Candidates {
@@ -59,7 +68,7 @@ pub(super) struct Candidates {
     origins: Vectors,
     skins: Vec<f32>,
     joints: Joints,
-    near: Vec<u32>,
+    near: Near,
     stale: bool,
 }
 
@@ -166,8 +175,8 @@ impl Candidates {
         self.list.pairs.is_empty()
     }
 
-    /// The pairs, from the bottom up; what is known of the springs; and room for a list of places.
-    pub fn pairs(&mut self) -> (&mut [Candidate], &Joints, &mut Vec<u32>) {
+    /// The pairs, from the bottom up; what is known of the springs; and room to note who is near.
+    pub fn pairs(&mut self) -> (&mut [Candidate], &Joints, &mut Near) {
         (&mut self.list.pairs, &self.joints, &mut self.near)
     }
 
@@ -201,17 +210,14 @@ impl Candidates {
     /// Finds the pairs.
     fn search(&mut self, particles: &Particles) {
         let Self { grid, found, skins, joints, .. } = self;
-        found.clear();
         let spheres = (0..particles.len())
             .filter(|slot| particles.radius[*slot] > 0.0)
             .map(|slot| (slot as u32, particles.position.get(slot), particles.radius[slot] + skins[slot]));
-        grid.for_each_pair(spheres, |a, b| {
-            let (a, b) = (a.min(b), a.max(b));
+        let meet = |a: u32, b: u32| {
             let free = particles.inverse_mass[a as usize] + particles.inverse_mass[b as usize] > 0.0;
-            if free && !joints.overlap_at_rest(a, b) {
-                found.push((a, b));
-            }
-        });
+            free && !joints.overlap_at_rest(a.min(b), a.max(b))
+        };
+        grid.find_pairs(spheres, meet, found);
     }
 
     /// Lists the pairs by the height of their middle: whatever carries a pair comes before it. (Not by

@@ -12,6 +12,8 @@ use std::ops::Range;
 
 use bevy::math::{IVec3, Vec3};
 
+use crate::solver::blocks;
+
 /// Number of size classes: one for each exponent of an f32.
 const CLASSES: usize = 256;
 
@@ -41,6 +43,12 @@ struct Search {
     range: i32,
 }
 
+/// So many spheres are one part of the search.
+const BLOCK: usize = 1024;
+
+/// From so many parts on it is shared among threads: fewer cost less than to wake them.
+const WORTH_SHARING: usize = 4;
+
 /// The grid. Its arrays are kept between uses.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grid {
@@ -55,6 +63,8 @@ pub(super) struct Grid {
     /// `bucket_starts[b]..bucket_starts[b + 1]` are the spheres of bucket b.
     bucket_starts: Vec<u32>,
     mask: u32,
+    /// The pairs that each part of the search has found.
+    found: Vec<Vec<(u32, u32)>>,
 }
 
 /// The rows of cells (y, z) beside a cell's own that come after it in some order, so that each pair of
@@ -62,31 +72,51 @@ pub(super) struct Grid {
 const LATER_ROWS: [(i32, i32); 4] = [(1, -1), (1, 0), (1, 1), (0, 1)];
 
 impl Grid {
-    /// Calls `found(a, b)` once for each pair of overlapping spheres, in no particular but always the
-    /// same order. Spheres are (slot, center, reach > 0).
-    pub fn for_each_pair(
+    /// Lists in `pairs` each pair of overlapping spheres once, in no particular but always the same order:
+    /// those that may be met (`meet`). Spheres are (slot, center, reach > 0).
+    pub fn find_pairs(
         &mut self,
         spheres: impl Iterator<Item = (u32, Vec3, f32)>,
-        mut found: impl FnMut(u32, u32),
+        meet: impl Fn(u32, u32) -> bool + Sync,
+        pairs: &mut Vec<(u32, u32)>,
     ) {
         self.fill(spheres);
         self.plan_searches();
-        for (index, (sphere, label)) in self.spheres.iter().zip(&self.labels).enumerate() {
-            let Label { class, cell, .. } = *label;
-            let own = bucket(class, cell, self.mask);
-            let own_end = self.bucket_starts[own + 1] as usize;
-            self.test(index, index + 1..own_end, class, cell, 1, &mut found);
-            self.visit(index, class, cell.wrapping_add(IVec3::X), 1, &mut found);
-            for (y, z) in LATER_ROWS {
-                self.visit(index, class, cell.wrapping_add(IVec3::new(-1, y, z)), 3, &mut found);
+        let count = self.spheres.len();
+        let mut found = std::mem::take(&mut self.found);
+        found.resize_with(count.div_ceil(BLOCK), Vec::new);
+        let parallel = found.len() >= WORTH_SHARING;
+        blocks::for_each(found.iter_mut().enumerate(), parallel, |(block, found)| {
+            found.clear();
+            for index in block * BLOCK..count.min((block + 1) * BLOCK) {
+                self.search(index, &mut |a, b| {
+                    if meet(a, b) {
+                        found.push((a, b));
+                    }
+                });
             }
-            for search in self.searches.iter().filter(|search| search.from == class) {
-                let Search { to, range, .. } = *search;
-                let corner = cell_of(sphere.center, self.cell_sizes[to as usize]);
-                for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
-                    let row = corner.wrapping_add(IVec3::new(-range, y, z));
-                    self.visit(index, to, row, 2 * range + 1, &mut found);
-                }
+        });
+        pairs.clear();
+        pairs.extend(found.iter().flatten());
+        self.found = found;
+    }
+
+    /// Finds the spheres that overlap the one at `index` and come after it in some order.
+    fn search(&self, index: usize, found: &mut impl FnMut(u32, u32)) {
+        let Label { class, cell, .. } = self.labels[index];
+        let own = bucket(class, cell, self.mask);
+        let own_end = self.bucket_starts[own + 1] as usize;
+        self.test(index, index + 1..own_end, class, cell, 1, found);
+        self.visit(index, class, cell.wrapping_add(IVec3::X), 1, found);
+        for (y, z) in LATER_ROWS {
+            self.visit(index, class, cell.wrapping_add(IVec3::new(-1, y, z)), 3, found);
+        }
+        for search in self.searches.iter().filter(|search| search.from == class) {
+            let Search { to, range, .. } = *search;
+            let corner = cell_of(self.spheres[index].center, self.cell_sizes[to as usize]);
+            for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
+                let row = corner.wrapping_add(IVec3::new(-range, y, z));
+                self.visit(index, to, row, 2 * range + 1, found);
             }
         }
     }
@@ -227,7 +257,10 @@ mod tests {
         let mut pairs = Vec::new();
         let numbered =
             spheres.iter().enumerate().map(|(slot, (center, reach))| (slot as u32, *center, *reach));
-        Grid::default().for_each_pair(numbered, |a, b| pairs.push((a.min(b), a.max(b))));
+        Grid::default().find_pairs(numbered, |_, _| true, &mut pairs);
+        for (a, b) in &mut pairs {
+            (*a, *b) = (*a.min(b), *a.max(b));
+        }
         pairs.sort_unstable();
         pairs
     }

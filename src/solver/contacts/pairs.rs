@@ -12,11 +12,12 @@
 
 use bevy::math::Vec3A;
 
+use crate::solver::blocks;
 use crate::solver::particles::Vectors;
 
 use super::PairRules;
 use super::bodies::Body;
-use super::candidates::{Candidate, Candidates, Past};
+use super::candidates::{Candidate, Candidates, Near, Past};
 use super::response::{Approach, Rebound, friction, shortened, tangential};
 
 /// The impulses that a contact has given.
@@ -88,22 +89,28 @@ fn direction(separation: Vec3A, distance: f32) -> Vec3A {
     if distance == 0.0 { Vec3A::Y } else { separation / distance }
 }
 
+/// So many pairs are looked at as one part, and from so many parts on they are shared among threads.
+const BLOCK: usize = 4096;
+const WORTH_SHARING: usize = 4;
+
 /// Lists in `near` the places of the pairs that are at most `slop` m apart; the others have no past.
-///
-/// It does so without a branch: about half of the pairs are near, no processor could guess which.
-fn look_near(pairs: &mut [Candidate], bodies: &[Body], slop: f32, near: &mut Vec<u32>) {
-    near.clear();
-    near.resize(pairs.len(), 0);
-    let mut count = 0;
-    for (place, pair) in pairs.iter_mut().enumerate() {
-        let (upper, lower) = (&bodies[pair.upper as usize], &bodies[pair.lower as usize]);
-        let most = upper.radius + lower.radius + slop;
-        let is_near = (upper.position - lower.position).length_squared() <= most * most;
-        near[count] = place as u32;
-        count += usize::from(is_near);
-        pair.past = if is_near { pair.past } else { Past::Apart };
-    }
-    near.truncate(count);
+fn look_near(pairs: &mut [Candidate], bodies: &[Body], slop: f32, near: &mut Near) {
+    near.places.resize(pairs.len(), 0);
+    near.counts.resize(pairs.len().div_ceil(BLOCK), 0);
+    let parallel = near.counts.len() >= WORTH_SHARING;
+    let parts = pairs.chunks_mut(BLOCK).zip(near.places.chunks_mut(BLOCK)).zip(&mut near.counts).enumerate();
+    blocks::for_each(parts, parallel, |(block, ((pairs, places), count))| {
+        // Without a branch: about half of the pairs are near, no processor could guess which.
+        *count = 0;
+        for (offset, pair) in pairs.iter_mut().enumerate() {
+            let (upper, lower) = (&bodies[pair.upper as usize], &bodies[pair.lower as usize]);
+            let most = upper.radius + lower.radius + slop;
+            let is_near = (upper.position - lower.position).length_squared() <= most * most;
+            places[*count] = (block * BLOCK + offset) as u32;
+            *count += usize::from(is_near);
+            pair.past = if is_near { pair.past } else { Past::Apart };
+        }
+    });
 }
 
 /// Finds the touching pairs among the candidates, from the bottom up, with the impulses that they had in
@@ -120,7 +127,8 @@ pub(super) fn find(
     found.clear();
     let (pairs, joints, near) = candidates.pairs();
     look_near(pairs, bodies, rebound.slop, near);
-    for place in &*near {
+    let places = near.places.chunks(BLOCK).zip(&near.counts).flat_map(|(places, count)| &places[..*count]);
+    for place in places {
         let candidate = &mut pairs[*place as usize];
         let past = std::mem::replace(&mut candidate.past, Past::Apart);
         let (first, second) = (candidate.upper as usize, candidate.lower as usize);
