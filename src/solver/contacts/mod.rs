@@ -3,8 +3,8 @@
 //! Every contact is answered in three steps: the particles are *projected* out of each other (the
 //! correction shared by mass), the approaching part of their velocity is removed, and given back with
 //! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
-//! mass. The files: `response.rs` the formulas, `grid.rs` and `candidates.rs` who may touch whom,
-//! `pairs.rs` and `plane.rs` the two kinds of contact.
+//! mass. The files: `response.rs` the formulas; `grid.rs`, `joints.rs` and `candidates.rs` who may touch
+//! whom; `pairs.rs` and `plane.rs` the two kinds of contact.
 
 mod bodies;
 mod candidates;
