@@ -204,86 +204,86 @@ type Lanes = [f32; LANES];
 /// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
 #[inline(always)]
 fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motion, forces: &mut Forces) {
+    let lanes = |array: &'_ [f32], at: usize| -> [f32; LANES] {
+        array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
+    };
     let count = run.count as usize;
     for first in (0..chunk).step_by(LANES) {
         // The last vector of a run overlaps the one before it and computes some springs again.
         let at = (done + first).min(count - LANES);
         let (lower, upper, place) =
             (run.lower as usize + at, run.upper as usize + at, run.start as usize + at);
-        let between = |axes: [&[f32]; 3]| {
-            axes.map(|axis| {
-                let (lower, upper) = (lanes(axis, lower), lanes(axis, upper));
-                std::array::from_fn(|lane| lower[lane] - upper[lane])
-            })
-        };
+        let ends =
+            |axes: [&[f32]; 3]| (axes.map(|axis| lanes(axis, lower)), axes.map(|axis| lanes(axis, upper)));
+        let (lower_position, upper_position) = ends(motion.position);
+        let (lower_velocity, upper_velocity) = ends(motion.velocity);
+        let rest_length = lanes(&block.rest_length, place);
         let [stiffness, damping] = match run.material {
             Some([stiffness, damping]) => [[stiffness; LANES], [damping; LANES]],
             None => [lanes(&block.stiffness, place), lanes(&block.damping, place)],
         };
-        let parameters = [lanes(&block.rest_length, place), stiffness, damping];
-        let pulls = pulls(between(motion.position), between(motion.velocity), parameters);
-        let at = LANES + at - done;
+        let mut pulls = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let between = |lower: &[[f32; LANES]; 3], upper: &[[f32; LANES]; 3]| {
+                Vec3::new(
+                    lower[0][lane] - upper[0][lane],
+                    lower[1][lane] - upper[1][lane],
+                    lower[2][lane] - upper[2][lane],
+                )
+            };
+            let pull = spring_force(
+                between(&lower_position, &upper_position),
+                between(&lower_velocity, &upper_velocity),
+                rest_length[lane],
+                stiffness[lane],
+                damping[lane],
+            );
+            pulls[0][lane] = pull.x;
+            pulls[1][lane] = pull.y;
+            pulls[2][lane] = pull.z;
+        }
         for (force, pull) in forces.0.iter_mut().zip(pulls) {
+            let at = LANES + at - done;
             force[at..at + LANES].copy_from_slice(&pull);
         }
     }
 }
 
-#[inline(always)]
-fn lanes(array: &[f32], at: usize) -> Lanes {
-    array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
-}
-
-/// The forces of the springs of one vector on their lower ends.
-#[inline(always)]
-fn pulls(separation: [Lanes; 3], relative_velocity: [Lanes; 3], parameters: [Lanes; 3]) -> [Lanes; 3] {
-    let [rest_length, stiffness, damping] = parameters;
-    let mut pulls = [[0.0; LANES]; 3];
-    for lane in 0..LANES {
-        let vector = |axes: &[Lanes; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
-        let pull = spring_force(
-            vector(&separation),
-            vector(&relative_velocity),
-            rest_length[lane],
-            stiffness[lane],
-            damping[lane],
-        );
-        (pulls[0][lane], pulls[1][lane], pulls[2][lane]) = (pull.x, pull.y, pull.z);
-    }
-    pulls
-}
-
 /// Adds the forces of the loose springs: gathered, computed together, and added one after the other.
 #[inline(always)]
 fn add_loose(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
-    let mut place = block.rest_length.len() - block.loose.len();
-    for group in block.loose.chunks(LANES) {
-        let (mut separation, mut relative_velocity) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-        let mut parameters = [[0.0; LANES]; 3];
+    let first_place = block.rest_length.len() - block.loose.len();
+    for (group, place) in block.loose.chunks(LANES).zip((first_place..).step_by(LANES)) {
+        let mut separation = [Vec3::ZERO; LANES];
+        let mut relative_velocity = [Vec3::ZERO; LANES];
         for (lane, loose) in group.iter().enumerate() {
             let (lower, upper) = (loose.lower as usize, loose.upper as usize);
-            for axis in 0..3 {
-                separation[axis][lane] = motion.position[axis][lower] - motion.position[axis][upper];
-                relative_velocity[axis][lane] = motion.velocity[axis][lower] - motion.velocity[axis][upper];
-            }
+            let between = |[x, y, z]: [&[f32]; 3]| {
+                Vec3::new(x[lower] - x[upper], y[lower] - y[upper], z[lower] - z[upper])
+            };
+            separation[lane] = between(motion.position);
+            relative_velocity[lane] = between(motion.velocity);
         }
-        for (lanes, values) in
-            parameters.iter_mut().zip([&block.rest_length, &block.stiffness, &block.damping])
-        {
-            lanes[..group.len()].copy_from_slice(&values[place..place + group.len()]);
+        let mut pulls = [Vec3::ZERO; LANES];
+        for (lane, pull) in pulls.iter_mut().enumerate().take(group.len()) {
+            *pull = spring_force(
+                separation[lane],
+                relative_velocity[lane],
+                block.rest_length[place + lane],
+                block.stiffness[place + lane],
+                block.damping[place + lane],
+            );
         }
-        let pulls = pulls(separation, relative_velocity, parameters);
-        for (lane, &Loose { lower, upper, side }) in group.iter().enumerate() {
-            for (force, pull) in force.iter_mut().zip(&pulls) {
+        for (&Loose { lower, upper, side }, pull) in group.iter().zip(pulls) {
+            for (force, pull) in force.iter_mut().zip(pull.to_array()) {
                 if side != Side::Upper {
-                    force[lower as usize - start] += pull[lane];
+                    force[lower as usize - start] += pull;
                 }
                 if side != Side::Lower {
-                    force[upper as usize - start] -= pull[lane];
+                    force[upper as usize - start] -= pull;
                 }
             }
         }
-        place += group.len();
     }
 }
 

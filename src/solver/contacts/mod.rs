@@ -124,7 +124,8 @@ impl Contacts {
 
     /// Keeps the positions from which friction measures how far things slipped.
     pub(super) fn begin_substep(&mut self, particles: &Particles, settings: &StepSettings) {
-        if settings.collide_with_planes || settings.pair_rules.is_some() {
+        let planes = settings.collide_with_planes && !self.planes.is_empty();
+        if planes || settings.pair_rules.is_some() {
             self.previous.clear();
             self.previous.extend((0..particles.len()).map(|slot| particles.position.get(slot)));
         }
