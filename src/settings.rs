@@ -96,7 +96,8 @@ impl Integrator {
             Self::SecondOrderTaylor => Scheme::SecondOrderTaylor,
             Self::VelocityVerlet => Scheme::VelocityVerlet,
             Self::RungeKutta4 => Scheme::RungeKutta4,
-            Self::ImplicitEuler | Self::Xpbd => return Err(UnavailableIntegrator(self)),
+            Self::ImplicitEuler => Scheme::ImplicitEuler,
+            Self::Xpbd => return Err(UnavailableIntegrator(self)),
         }))
     }
 }
@@ -134,6 +135,7 @@ impl From<Scheme> for Integrator {
             Scheme::SecondOrderTaylor => Self::SecondOrderTaylor,
             Scheme::VelocityVerlet => Self::VelocityVerlet,
             Scheme::RungeKutta4 => Self::RungeKutta4,
+            Scheme::ImplicitEuler => Self::ImplicitEuler,
         }
     }
 }

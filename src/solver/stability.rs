@@ -98,6 +98,7 @@ impl FrequencyBounds {
             Scheme::SecondOrderTaylor => real_limit.min(2.0 * retardation_time),
             Scheme::VelocityVerlet => velocity_verlet_limit(omega, gamma),
             Scheme::RungeKutta4 => 2.0 * RUNGE_KUTTA_4_RADIUS / (gamma + gamma.hypot(2.0 * omega)),
+            Scheme::ImplicitEuler => f64::INFINITY,
         };
         limit as f32
     }
@@ -173,6 +174,10 @@ mod tests {
                 (2.0 - a - g + a * g / 4.0 + g * g / 2.0, 1.0 - g + g * g / 2.0 - a * g / 4.0)
             }
             Scheme::RungeKutta4 => return runge_kutta_4_radius(a, g),
+            Scheme::ImplicitEuler => {
+                let denominator = 1.0 + g + a;
+                ((2.0 + g) / denominator, 1.0 / denominator)
+            }
         };
         let discriminant = trace * trace / 4.0 - determinant;
         if discriminant < 0.0 {
