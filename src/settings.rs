@@ -60,7 +60,8 @@ pub enum Integrator {
     VelocityVerlet,
     /// The classical Runge–Kutta method: four evaluations of the forces, fourth order.
     RungeKutta4,
-    /// Backward Euler. Not available in this version: refused with an error.
+    /// v += h a(new state), then x += h v(new), solved by Newton's method. First order; stable for every
+    /// stiffness, mass ratio and time step, and dissipates what it does not resolve.
     ImplicitEuler,
     /// Extended position-based dynamics. Not available in this version: refused with an error.
     Xpbd,

@@ -82,7 +82,7 @@ impl FrequencyBounds {
     /// infinite, and is 0 where the scheme is never stable (explicit Euler without damping).
     ///
     /// From the Jury conditions on the 2×2 step matrix of one mode x'' = −ω² x − γ x', taken at the
-    /// worst mode within the bounds. For the two Euler schemes and the Taylor scheme the condition is
+    /// worst mode within the bounds. For the two explicit Euler schemes and the Taylor scheme the condition is
     /// exact for whole nets too (every eigenvalue solves the scalar equation with its own Rayleigh
     /// quotients); for velocity Verlet with damping and Runge–Kutta it is that of modes which the
     /// damping does not couple.
@@ -212,7 +212,7 @@ mod tests {
                 let retardation_time = gamma / (omega * omega);
                 let bounds =
                     FrequencyBounds { angular_frequency: omega, damping_rate: gamma, retardation_time };
-                let limit = f64::from(bounds.largest_stable_step(scheme));
+                let limit = f64::from(bounds.largest_stable_step(scheme).min(1e3));
                 for share in 1..=50 {
                     let omega = omega * f64::from(share) / 50.0;
                     let least_gamma = match scheme {

@@ -180,6 +180,7 @@ largest stable substep
   SecondOrderTaylor     none
   VelocityVerlet        0.02000 s
   RungeKutta4           0.02615 s
+  ImplicitEuler         any
 Auto would choose       SemiImplicitEuler, 4 substeps a tick
 this scene would run    RungeKutta4, 3 substeps a tick
 ";

@@ -7,8 +7,12 @@ use super::reference::Reference;
 
 /// The positions after a step of `h` seconds: the x' for which v' = (x' − x)/h = v + h a(x', v').
 pub fn solve(start: &Reference, h: f64) -> Vec<DVec3> {
-    let mut x: Vec<DVec3> =
-        start.position.iter().zip(&start.velocity).map(|(position, velocity)| *position + h * *velocity).collect();
+    let mut x: Vec<DVec3> = start
+        .position
+        .iter()
+        .zip(&start.velocity)
+        .map(|(position, velocity)| *position + h * *velocity)
+        .collect();
     let free: Vec<usize> = (0..x.len()).filter(|slot| start.inverse_mass[*slot] > 0.0).collect();
     for _ in 0..60 {
         let residual = residual(start, &x, h);

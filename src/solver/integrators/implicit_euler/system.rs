@@ -195,7 +195,9 @@ impl System {
             self.right[node] -= self.inertia[node] * apart;
         }
         self.couplings.clear();
-        for (spring, &[first, second]) in self.springs.iter_mut().zip(&topology.ends).skip(topology.tree_springs()) {
+        for (spring, &[first, second]) in
+            self.springs.iter_mut().zip(&topology.ends).skip(topology.tree_springs())
+        {
             let (first, second) = (first as usize, second as usize);
             let found = spring.linearise(self.position[first] - self.position[second]);
             energy += found.energy;
@@ -228,8 +230,7 @@ impl System {
                 let found = self.springs[spring].linearise(position - self.position[other]);
                 energy += found.energy;
                 right += found.force;
-                let block =
-                    Symmetric::uniaxial(self.springs[spring].direction, found.along, found.across);
+                let block = Symmetric::uniaxial(self.springs[spring].direction, found.along, found.across);
                 own += block;
                 if other == parent {
                     link += block;

@@ -84,8 +84,9 @@ impl Topology {
         let parent_slots = self.number(&neighbours, springs);
         let nobody = self.len() as u32;
         self.parents.clear();
-        self.parents
-            .extend(parent_slots.iter().map(|parent| parent.map_or(nobody, |slot| self.nodes[slot as usize])));
+        self.parents.extend(
+            parent_slots.iter().map(|parent| parent.map_or(nobody, |slot| self.nodes[slot as usize])),
+        );
         self.sort_springs(springs);
         self.find_parts(&neighbours);
     }
