@@ -127,6 +127,18 @@ impl Factor {
         DVec3::new(x, y, z)
     }
 
+    /// yx, zx, zy of L, and the inverted pivots.
+    pub fn entries(&self) -> [f64; 6] {
+        let [x, y, z] = self.inverse_pivots.to_array();
+        [self.yx, self.zx, self.zy, x, y, z]
+    }
+
+    /// The inverse.
+    pub fn inverse(&self) -> Symmetric {
+        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.solve(axis));
+        Symmetric { xx: x.x, yy: y.y, zz: z.z, xy: y.x, xz: z.x, yz: z.y }
+    }
+
     /// Inverse · `matrix`, by columns.
     #[inline]
     pub fn solve_columns(&self, matrix: &Symmetric) -> [DVec3; 3] {

@@ -88,6 +88,17 @@ pub(super) struct Eliminated {
     pub coupling: [DVec3; 3],
 }
 
+/// Sums over a part of the net, as it was linearised.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    /// Σ ‖x − y‖², the displacement by springs, m².
+    pub pulled: f64,
+    /// Σ (m/h² + ν/h) ‖x − y‖², J.
+    pub pulled_energy: f64,
+    /// The energy of the step of the trees, stepᵀ H step, J.
+    pub step_energy: f64,
+}
+
 /// One step's minimisation problem; arrays by node, see [`Topology`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct System {
@@ -97,36 +108,31 @@ pub(super) struct System {
     pub flight: Vec<DVec3>,
     /// The present iterate; where pinned particles are at the end of the step, m.
     pub position: Vec<DVec3>,
-    /// The right side: forces that are not balanced yet, N.
+    /// The right side: forces that are not balanced yet, with those of the eliminated nodes below, N.
     pub right: Vec<DVec3>,
     /// The diagonal blocks without inertia, N/m.
     pub diagonal: Vec<Symmetric>,
-    /// The correction of the positions, m.
+    /// The correction of the positions, m; before the first, the positions at the start.
     pub step: Vec<DVec3>,
-    pub eliminated: Vec<Eliminated>,
+    eliminated: Vec<Eliminated>,
+    /// For each part of the net.
+    pub sums: Vec<Sums>,
     pub springs: Vec<Spring>,
-    /// What the springs of the core couple.
-    pub couplings: Vec<Coupling>,
+    /// The links within the core.
+    pub links: Vec<Link>,
 }
 
-/// The stiffness of a spring of the core, along and across its direction, N/m.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Coupling {
+/// The stiffness of a spring of the core, N/m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Link {
     pub direction: DVec3,
     pub along: f64,
     pub across: f64,
 }
 
-impl Coupling {
-    #[inline]
+impl Link {
     pub fn block(&self) -> Symmetric {
         Symmetric::uniaxial(self.direction, self.along, self.across)
-    }
-
-    /// The block · `vector`.
-    #[inline]
-    pub fn times(&self, vector: DVec3) -> DVec3 {
-        vector * self.across + self.direction * ((self.along - self.across) * self.direction.dot(vector))
     }
 }
 
@@ -140,7 +146,6 @@ impl System {
         field: Field,
         h: f64,
     ) {
-        self.resize(topology);
         let viscosity = f64::from(field.viscosity);
         for (node, &slot) in topology.slots.iter().enumerate() {
             let slot = slot as usize;
@@ -158,23 +163,26 @@ impl System {
         for (&spring, &[first, second]) in topology.springs.iter().zip(&topology.ends) {
             let spring = spring as usize;
             self.springs.push(Spring::new(
-                springs.rest_length[spring].into(),
-                springs.stiffness[spring].into(),
-                f64::from(springs.damping[spring]) / h,
+                springs.rest_length()[spring].into(),
+                springs.stiffness()[spring].into(),
+                f64::from(springs.damping()[spring]) / h,
                 self.step[first as usize] - self.step[second as usize],
             ));
         }
-        self.step[topology.free..].fill(DVec3::ZERO);
     }
 
-    fn resize(&mut self, topology: &Topology) {
+    /// Makes room for the nodes of `topology`.
+    pub fn resize(&mut self, topology: &Topology) {
         let count = topology.len() + 1;
         for vectors in [&mut self.flight, &mut self.position, &mut self.right, &mut self.step] {
+            vectors.clear();
             vectors.resize(count, DVec3::ZERO);
         }
         self.inertia.resize(count, 0.0);
+        self.diagonal.clear();
         self.diagonal.resize(count, Symmetric::default());
         self.eliminated.resize(topology.trees, Eliminated::default());
+        self.sums.resize(topology.anchored.len(), Sums::default());
     }
 
     /// Linearises everything at the present positions, and eliminates the trees from the leaves to
@@ -182,8 +190,11 @@ impl System {
     ///
     /// Returns the value of the potential there, in J.
     pub fn linearise(&mut self, topology: &Topology) -> f64 {
-        self.right.fill(DVec3::ZERO);
-        self.diagonal.fill(Symmetric::default());
+        // Those of the trees are emptied as they are eliminated.
+        self.right[topology.trees..].fill(DVec3::ZERO);
+        self.diagonal[topology.trees..].fill(Symmetric::default());
+        self.sums.fill(Sums::default());
+        self.step[topology.free..].fill(DVec3::ZERO);
         self.linearise_core(topology) + self.eliminate_trees(topology)
     }
 
@@ -191,10 +202,14 @@ impl System {
         let mut energy = 0.0;
         for node in topology.trees..topology.free {
             let apart = self.position[node] - self.flight[node];
-            energy += 0.5 * self.inertia[node] * apart.length_squared();
+            let pulled = apart.length_squared();
+            let sums = &mut self.sums[topology.parts[node] as usize];
+            sums.pulled += pulled;
+            sums.pulled_energy += self.inertia[node] * pulled;
+            energy += 0.5 * self.inertia[node] * pulled;
             self.right[node] -= self.inertia[node] * apart;
         }
-        self.couplings.clear();
+        self.links.clear();
         for (spring, &[first, second]) in
             self.springs.iter_mut().zip(&topology.ends).skip(topology.tree_springs())
         {
@@ -202,13 +217,12 @@ impl System {
             let found = spring.linearise(self.position[first] - self.position[second]);
             energy += found.energy;
             self.right[first] += found.force;
+            let link = Link { direction: spring.direction, along: found.along, across: found.across };
             if second >= topology.free {
-                self.diagonal[first] += Symmetric::uniaxial(spring.direction, found.along, found.across);
-                self.couplings.push(Coupling::default());
+                self.diagonal[first] += link.block();
             } else {
                 self.right[second] -= found.force;
-                let Contribution { along, across, .. } = found;
-                self.couplings.push(Coupling { direction: spring.direction, along, across });
+                self.links.push(link);
             }
         }
         energy
@@ -221,7 +235,11 @@ impl System {
             let position = self.position[node];
             let inertia = self.inertia[node];
             let apart = position - self.flight[node];
-            energy += 0.5 * inertia * apart.length_squared();
+            let pulled = apart.length_squared();
+            let sums = &mut self.sums[topology.parts[node] as usize];
+            sums.pulled += pulled;
+            sums.pulled_energy += inertia * pulled;
+            energy += 0.5 * inertia * pulled;
             let mut right = self.right[node] - inertia * apart;
             let mut own = self.diagonal[node].plus_diagonal(inertia);
             let mut link = Symmetric::default();
@@ -240,6 +258,8 @@ impl System {
             let factor = own.factor(inertia);
             let coupling = factor.solve_columns(&link);
             *eliminated = Eliminated { own: factor.solve(right), coupling };
+            sums.step_energy += right.dot(eliminated.own);
+            (self.right[node], self.diagonal[node]) = Default::default();
             self.right[parent] += link.times(eliminated.own);
             self.diagonal[parent] += link;
             self.diagonal[parent] -= link.symmetric_product(&coupling);
@@ -247,13 +267,12 @@ impl System {
         energy
     }
 
-    /// The steps of the trees, from those of the core, from the roots to the leaves.
-    pub fn substitute_trees(&mut self, topology: &Topology) {
-        for (node, eliminated) in self.eliminated.iter().enumerate().rev() {
-            let [x, y, z] = eliminated.coupling;
-            let parent = self.step[topology.parents[node] as usize];
-            self.step[node] = eliminated.own + x * parent.x + y * parent.y + z * parent.z;
-        }
+    /// The step of a tree node, from that of its parent.
+    #[inline]
+    pub fn substitute(&mut self, topology: &Topology, node: usize) {
+        let Eliminated { own, coupling: [x, y, z] } = self.eliminated[node];
+        let parent = self.step[topology.parents[node] as usize];
+        self.step[node] = own + x * parent.x + y * parent.y + z * parent.z;
     }
 }
 

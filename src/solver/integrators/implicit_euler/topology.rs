@@ -13,6 +13,7 @@
 //! so that the two halves are eliminated side by side, which the processor does at the same time.
 
 use super::super::super::springs::Springs;
+use super::hierarchy::Hierarchy;
 
 /// The nodes, the springs between them, and the order of elimination.
 #[derive(Debug, Clone, Default)]
@@ -29,16 +30,29 @@ pub(super) struct Topology {
     pub parents: Vec<u32>,
     /// `tree_starts[i]..tree_starts[i + 1]` are the springs of tree node i.
     pub tree_starts: Vec<u32>,
-    /// The springs, by their index in [`Springs`]: those of the tree nodes, then those of the core.
+    /// The springs, by their index in [`Springs`]: those of the tree nodes, then those of the core, of
+    /// these first the links within the core, in runs.
     pub springs: Vec<u32>,
     /// Their ends; the first is the tree node, or one of the core.
     pub ends: Vec<[u32; 2]>,
+    /// The links within the core.
+    pub runs: Vec<Run>,
+    /// How the core is coarsened, for its preconditioner.
+    pub hierarchy: Hierarchy,
     /// The connected part of the net that each free node belongs to; pinned particles connect nothing.
     pub parts: Vec<u32>,
     /// Whether each part hangs on a pinned particle.
     pub anchored: Vec<bool>,
     /// The net for which all this holds.
     known: Known,
+}
+
+/// Links of the core whose ends walk along the arrays; core nodes are numbered from 0 here.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Run {
+    pub first: usize,
+    pub second: usize,
+    pub count: usize,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -52,8 +66,8 @@ impl Known {
     fn is(&self, springs: &Springs, inverse_mass: &[f32]) -> bool {
         self.free.len() == inverse_mass.len()
             && self.free.iter().zip(inverse_mass).all(|(free, inverse)| *free == (*inverse > 0.0))
-            && self.first == springs.first
-            && self.second == springs.second
+            && self.first == springs.first()
+            && self.second == springs.second()
     }
 }
 
@@ -71,13 +85,15 @@ impl Topology {
         self.tree_starts.last().map_or(0, |end| *end as usize)
     }
 
-    /// Makes it that of `springs` between particles of `inverse_mass`, if it is not.
-    pub fn refresh(&mut self, springs: &Springs, inverse_mass: &[f32]) {
+    /// Makes it that of `springs` between particles of `inverse_mass`; says whether it was not yet.
+    pub fn refresh(&mut self, springs: &Springs, inverse_mass: &[f32]) -> bool {
         if self.known.is(springs, inverse_mass) {
-            return;
+            return false;
         }
-        self.known.first.clone_from(&springs.first);
-        self.known.second.clone_from(&springs.second);
+        self.known.first.clear();
+        self.known.first.extend_from_slice(springs.first());
+        self.known.second.clear();
+        self.known.second.extend_from_slice(springs.second());
         self.known.free.clear();
         self.known.free.extend(inverse_mass.iter().map(|inverse| *inverse > 0.0));
         let neighbours = Neighbours::of(&self.known);
@@ -89,13 +105,14 @@ impl Topology {
         );
         self.sort_springs(springs);
         self.find_parts(&neighbours);
+        true
     }
 
     /// Numbers the nodes; returns the slot of each tree node's parent.
     fn number(&mut self, neighbours: &Neighbours, springs: &Springs) -> Vec<Option<u32>> {
         let count = self.known.free.len();
         let mut joined = vec![false; count];
-        for end in springs.first.iter().chain(&springs.second) {
+        for end in springs.first().iter().chain(springs.second()) {
             joined[*end as usize] = true;
         }
         let free = |slot: usize| self.known.free[slot];
@@ -141,10 +158,11 @@ impl Topology {
             })
             .filter(|(ends, _)| (ends[0] as usize) < self.free)
             .collect();
-        // Springs of the core in runs of equal offset, where both ends walk along the arrays.
-        listed.sort_by_key(|&([first, second], spring)| match (first as usize) < self.trees {
-            true => (0, first, second, spring),
-            false => (1, second - first, first, spring),
+        let (trees, free) = (self.trees as u32, self.free as u32);
+        listed.sort_by_key(|&([first, second], spring)| match (first < trees, second < free) {
+            (true, _) => (0, first, second, spring),
+            (false, true) => (1, second - first, first, spring),
+            (false, false) => (2, first, second, spring),
         });
         self.springs.clear();
         self.springs.extend(listed.iter().map(|(_, spring)| *spring));
@@ -158,6 +176,17 @@ impl Topology {
         for node in 0..self.trees {
             self.tree_starts[node + 1] += self.tree_starts[node];
         }
+        self.runs.clear();
+        for ends in self.ends[self.tree_springs()..].iter().take_while(|ends| ends[1] < free) {
+            let [first, second] = ends.map(|end| (end - trees) as usize);
+            match self.runs.last_mut() {
+                Some(run) if [run.first + run.count, run.second + run.count] == [first, second] => {
+                    run.count += 1;
+                }
+                _ => self.runs.push(Run { first, second, count: 1 }),
+            }
+        }
+        self.hierarchy.build(self.free - self.trees, &self.runs);
     }
 
     fn find_parts(&mut self, neighbours: &Neighbours) {
