@@ -30,14 +30,12 @@ impl SolverSettings {
         bounds: &FrequencyBounds,
         time_step: f32,
     ) -> Result<(Scheme, u32), UnavailableIntegrator> {
-        let named = self.integrator.scheme()?;
-        let scheme = named.unwrap_or(Scheme::SemiImplicitEuler);
-        let substeps = match (self.substeps, named) {
-            (Substeps::Fixed(count), Some(_)) => count.max(1),
-            (Substeps::Fixed(count), None) => count.max(bounds.auto_substeps(scheme, time_step)),
-            (Substeps::Auto, _) => bounds.auto_substeps(scheme, time_step),
-        };
-        Ok((scheme, substeps))
+        Ok(match (self.integrator.scheme()?, self.substeps) {
+            (Some(scheme), Substeps::Fixed(count)) => (scheme, count.max(1)),
+            (Some(scheme), Substeps::Auto) => (scheme, bounds.auto_substeps(scheme, time_step)),
+            (None, Substeps::Fixed(count)) => bounds.cheapest(time_step, count),
+            (None, Substeps::Auto) => bounds.cheapest(time_step, 1),
+        })
     }
 }
 
@@ -46,8 +44,10 @@ impl SolverSettings {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq, Hash)]
 pub enum Integrator {
-    /// Stable for every stiffness, mass ratio and time step: [`SemiImplicitEuler`](Self::SemiImplicitEuler)
-    /// with at least as many substeps as its stability bound asks for.
+    /// Stable for every stiffness, mass ratio and time step, at the least cost. Chosen at each tick from the
+    /// springs and masses: [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability
+    /// bound asks for, or, where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). Without
+    /// springs [`SemiImplicitEuler`](Self::SemiImplicitEuler).
     #[default]
     Auto,
     /// x += h v, then v += h a(old state). First order; gains energy, and explodes if undamped.
@@ -60,7 +60,8 @@ pub enum Integrator {
     VelocityVerlet,
     /// The classical Runge–Kutta method: four evaluations of the forces, fourth order.
     RungeKutta4,
-    /// Backward Euler. Not available in this version: refused with an error.
+    /// v += h a(new state), then x += h v(new), solved by Newton's method. First order; stable for every
+    /// stiffness, mass ratio and time step, and dissipates what it does not resolve.
     ImplicitEuler,
     /// Extended position-based dynamics. Not available in this version: refused with an error.
     Xpbd,
@@ -96,7 +97,8 @@ impl Integrator {
             Self::SecondOrderTaylor => Scheme::SecondOrderTaylor,
             Self::VelocityVerlet => Scheme::VelocityVerlet,
             Self::RungeKutta4 => Scheme::RungeKutta4,
-            Self::ImplicitEuler | Self::Xpbd => return Err(UnavailableIntegrator(self)),
+            Self::ImplicitEuler => Scheme::ImplicitEuler,
+            Self::Xpbd => return Err(UnavailableIntegrator(self)),
         }))
     }
 }
@@ -134,6 +136,7 @@ impl From<Scheme> for Integrator {
             Scheme::SecondOrderTaylor => Self::SecondOrderTaylor,
             Scheme::VelocityVerlet => Self::VelocityVerlet,
             Scheme::RungeKutta4 => Self::RungeKutta4,
+            Scheme::ImplicitEuler => Self::ImplicitEuler,
         }
     }
 }
@@ -143,7 +146,8 @@ impl From<Scheme> for Integrator {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq, Hash)]
 pub enum Substeps {
-    /// As many as the stability bound of the integrator asks for, and at least 4.
+    /// As many as the stability bound of the integrator asks for, and at least 4; of
+    /// [`Integrator::ImplicitEuler`] 4, or 2 where springs form loops.
     #[default]
     Auto,
     /// Exactly this many, >= 1. (With [`Integrator::Auto`]: at least this many.)

@@ -11,6 +11,22 @@ const STABILITY_MARGIN: f32 = 0.5;
 /// The least number of automatic substeps: contacts and free flight want some even without springs.
 const MIN_SUBSTEPS: u32 = 4;
 
+/// The part of its largest stable step that velocity Verlet takes under `Auto`: h ω <= 1.4. Its energy
+/// is right to (hω)²/8 of that of a mode; the highest modes of a net hold little.
+const VERLET_MARGIN: f32 = 0.7;
+
+/// The number of automatic substeps of implicit Euler where the springs form loops.
+const IMPLICIT_SUBSTEPS_WITH_LOOPS: u32 = 2;
+
+/// Up to so many substeps of velocity Verlet cost less than the automatic ones of implicit Euler.
+///
+/// Measured in ns for a spring: a substep of velocity Verlet about 4; one of implicit Euler 200 where it is
+/// solved directly (two Newton steps), about 1,400 by conjugate gradients on a stiff sheet.
+const MOST_EXPLICIT_WITHOUT_LOOPS: u32 = 192;
+
+/// See [`MOST_EXPLICIT_WITHOUT_LOOPS`].
+const MOST_EXPLICIT_WITH_LOOPS: u32 = 640;
+
 /// The largest number of automatic substeps: a tick must end, whatever a scene asks for.
 pub const MAX_SUBSTEPS: u32 = 65_536;
 
@@ -30,12 +46,15 @@ pub struct FrequencyBounds {
     /// τ such that C >= τ K: every motion against a spring is damped at least so much; s.
     /// Infinite where there are no springs.
     pub retardation_time: f64,
+    /// Whether the springs between free particles close a loop. Ropes, chains and trees have none;
+    /// their implicit equations are solved directly.
+    pub has_loops: bool,
 }
 
 impl Default for FrequencyBounds {
     /// Those of free particles in vacuum.
     fn default() -> Self {
-        Self { angular_frequency: 0.0, damping_rate: 0.0, retardation_time: f64::INFINITY }
+        Self { angular_frequency: 0.0, damping_rate: 0.0, retardation_time: f64::INFINITY, has_loops: false }
     }
 }
 
@@ -59,6 +78,7 @@ impl FrequencyBounds {
                 retardation_time = retardation_time.min(damping / stiffness);
             }
         }
+        let has_loops = has_loops(inverse_mass, springs.clone().map(|(first, second, ..)| [first, second]));
         let (mut frequency_squared, mut damping_rate) = (0.0_f64, 0.0_f64);
         for (first, second, ..) in springs {
             frequency_squared = frequency_squared.max(rates[first][0] + rates[second][0]);
@@ -75,6 +95,7 @@ impl FrequencyBounds {
             angular_frequency: frequency_squared.sqrt(),
             damping_rate: damping_rate + viscosity * lightest,
             retardation_time,
+            has_loops,
         }
     }
 
@@ -82,12 +103,12 @@ impl FrequencyBounds {
     /// infinite, and is 0 where the scheme is never stable (explicit Euler without damping).
     ///
     /// From the Jury conditions on the 2×2 step matrix of one mode x'' = −ω² x − γ x', taken at the
-    /// worst mode within the bounds. For the two Euler schemes and the Taylor scheme the condition is
+    /// worst mode within the bounds. For the two explicit Euler schemes and the Taylor scheme the condition is
     /// exact for whole nets too (every eigenvalue solves the scalar equation with its own Rayleigh
     /// quotients); for velocity Verlet with damping and Runge–Kutta it is that of modes which the
     /// damping does not couple.
     pub fn largest_stable_step(&self, scheme: Scheme) -> f32 {
-        let Self { angular_frequency: omega, damping_rate: gamma, retardation_time } = *self;
+        let Self { angular_frequency: omega, damping_rate: gamma, retardation_time, .. } = *self;
         let real_limit = 2.0 / gamma;
         let limit = match scheme {
             // 1 − hγ + h²ω² <= 1, and hγ < 2
@@ -98,21 +119,66 @@ impl FrequencyBounds {
             Scheme::SecondOrderTaylor => real_limit.min(2.0 * retardation_time),
             Scheme::VelocityVerlet => velocity_verlet_limit(omega, gamma),
             Scheme::RungeKutta4 => 2.0 * RUNGE_KUTTA_4_RADIUS / (gamma + gamma.hypot(2.0 * omega)),
+            Scheme::ImplicitEuler => f64::INFINITY,
         };
         limit as f32
     }
 
+    /// The scheme that takes a tick of `time_step` seconds through well at the least cost, and its
+    /// substeps, `least` at least.
+    ///
+    /// On springs velocity Verlet, whose energy does not waver with the velocities as that of the Euler
+    /// schemes does; unless the springs ask for so many substeps of it that implicit Euler, which is stable
+    /// whatever they are, costs less. Without springs semi-implicit Euler.
+    pub fn cheapest(&self, time_step: f32, least: u32) -> (Scheme, u32) {
+        if self.angular_frequency == 0.0 {
+            return (
+                Scheme::SemiImplicitEuler,
+                self.auto_substeps(Scheme::SemiImplicitEuler, time_step).max(least),
+            );
+        }
+        let limit = VERLET_MARGIN * self.largest_stable_step(Scheme::VelocityVerlet);
+        let explicit = ((time_step / limit).ceil() as u32).max(MIN_SUBSTEPS);
+        let most = if self.has_loops { MOST_EXPLICIT_WITH_LOOPS } else { MOST_EXPLICIT_WITHOUT_LOOPS };
+        if explicit <= most.max(least) {
+            return (Scheme::VelocityVerlet, explicit.max(least));
+        }
+        let implicit = self.auto_substeps(Scheme::ImplicitEuler, time_step);
+        (Scheme::ImplicitEuler, implicit.max(least))
+    }
+
     /// The number of substeps of a tick of `time_step` seconds that keeps `scheme` at half of its
-    /// stability bound, from 4 to [`MAX_SUBSTEPS`].
+    /// stability bound, from 4 to [`MAX_SUBSTEPS`]; 2 of the implicit scheme where it is dear.
     ///
     /// A scheme that is never stable gets the substeps of semi-implicit Euler.
     pub fn auto_substeps(&self, scheme: Scheme, time_step: f32) -> u32 {
+        if scheme == Scheme::ImplicitEuler && self.has_loops {
+            return IMPLICIT_SUBSTEPS_WITH_LOOPS;
+        }
         let own = self.largest_stable_step(scheme);
         let limit = if own > 0.0 { own } else { self.largest_stable_step(Scheme::SemiImplicitEuler) };
         let wanted = (time_step / (STABILITY_MARGIN * limit)).ceil();
         // A float too large for u32 saturates; NaN cannot occur as both are > 0.
         (wanted as u32).clamp(MIN_SUBSTEPS, MAX_SUBSTEPS)
     }
+}
+
+/// Whether springs with these ends close a loop among free particles.
+fn has_loops(inverse_mass: &[f32], springs: impl Iterator<Item = [usize; 2]>) -> bool {
+    // Each particle points to another one of its tree, the root to itself.
+    let mut trees: Vec<usize> = (0..inverse_mass.len()).collect();
+    let root = |trees: &mut Vec<usize>, mut particle: usize| {
+        while trees[particle] != particle {
+            trees[particle] = trees[trees[particle]];
+            particle = trees[particle];
+        }
+        particle
+    };
+    springs.filter(|ends| ends.iter().all(|end| inverse_mass[*end] > 0.0)).any(|ends| {
+        let [first, second] = ends.map(|end| root(&mut trees, end));
+        trees[first] = second;
+        first == second
+    })
 }
 
 /// The radius of the largest half-disk of the left half-plane in which |1 + z + z²/2 + z³/6 + z⁴/24| <= 1.
@@ -173,6 +239,10 @@ mod tests {
                 (2.0 - a - g + a * g / 4.0 + g * g / 2.0, 1.0 - g + g * g / 2.0 - a * g / 4.0)
             }
             Scheme::RungeKutta4 => return runge_kutta_4_radius(a, g),
+            Scheme::ImplicitEuler => {
+                let denominator = 1.0 + g + a;
+                ((2.0 + g) / denominator, 1.0 / denominator)
+            }
         };
         let discriminant = trace * trace / 4.0 - determinant;
         if discriminant < 0.0 {
@@ -205,9 +275,13 @@ mod tests {
         for scheme in Scheme::ALL {
             for (omega, gamma) in [(30.0, 0.0), (30.0, 1.0), (30.0, 20.0), (30.0, 60.0), (30.0, 300.0)] {
                 let retardation_time = gamma / (omega * omega);
-                let bounds =
-                    FrequencyBounds { angular_frequency: omega, damping_rate: gamma, retardation_time };
-                let limit = f64::from(bounds.largest_stable_step(scheme));
+                let bounds = FrequencyBounds {
+                    angular_frequency: omega,
+                    damping_rate: gamma,
+                    retardation_time,
+                    ..Default::default()
+                };
+                let limit = f64::from(bounds.largest_stable_step(scheme).min(1e3));
                 for share in 1..=50 {
                     let omega = omega * f64::from(share) / 50.0;
                     let least_gamma = match scheme {
@@ -236,10 +310,35 @@ mod tests {
                 angular_frequency: 30.0,
                 damping_rate: gamma,
                 retardation_time: gamma / 900.0,
+                ..Default::default()
             };
             let limit = f64::from(bounds.largest_stable_step(scheme));
             assert!(spectral_radius(scheme, 30.0, gamma, limit * 1.01) > 1.0, "{scheme:?}");
         }
+    }
+
+    #[test]
+    fn loops_are_found_among_free_particles() {
+        let loops = |inverse_mass: &[f32]| {
+            let ring = [(0, 1), (1, 2), (3, 2), (3, 0)].map(|(first, second)| (first, second, 1.0, 0.0));
+            FrequencyBounds::of(inverse_mass, ring.into_iter(), 0.0).has_loops
+        };
+        assert!(loops(&[1.0; 4]));
+        assert!(!loops(&[1.0, 1.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn the_cheapest_scheme_is_implicit_where_springs_are_stiff() {
+        let bounds = |stiffness| FrequencyBounds::of(&[0.0, 1.0], [(0, 1, stiffness, 0.0)].into_iter(), 0.0);
+        // hω <= 1.4: √k / 89.6 substeps.
+        let cheapest = |omega: f32, least| bounds(omega * omega).cheapest(1.0 / 64.0, least);
+        assert_eq!(cheapest(890.0, 1), (Scheme::VelocityVerlet, 10));
+        assert_eq!(cheapest(890.0, 12), (Scheme::VelocityVerlet, 12));
+        assert_eq!(cheapest(1.0, 1), (Scheme::VelocityVerlet, 4));
+        assert_eq!(cheapest(89_000.0, 1), (Scheme::ImplicitEuler, 4));
+        assert_eq!(cheapest(89_000.0, 12), (Scheme::ImplicitEuler, 12));
+        assert_eq!(cheapest(89_000.0, 2000), (Scheme::VelocityVerlet, 2000));
+        assert_eq!(FrequencyBounds::default().cheapest(1.0 / 64.0, 1), (Scheme::SemiImplicitEuler, 4));
     }
 
     #[test]

@@ -56,15 +56,12 @@ fn the_scheme_and_its_substeps_can_be_replaced() {
     };
     assert_eq!(ran(&["--integrator", "VelocityVerlet", "--substeps", "9"]), ("VelocityVerlet".to_owned(), 9));
     let (scheme, automatic) = ran(&[]);
-    assert_eq!(scheme, "SemiImplicitEuler");
+    assert_eq!(scheme, "VelocityVerlet");
     assert!(automatic >= 4);
     assert_eq!(ran(&["--substeps", "auto"]), (scheme, automatic));
     // What is said before the first tick is what runs.
     let planned = place.summary(&["--ticks", "0"]);
-    assert_eq!(
-        (&planned["integrator"], &planned["substeps"]),
-        (&"SemiImplicitEuler".into(), &automatic.into())
-    );
+    assert_eq!((&planned["integrator"], &planned["substeps"]), (&"VelocityVerlet".into(), &automatic.into()));
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn the_summary_has_the_keys_of_the_contract_in_their_order() {
     assert_eq!((&summary["ticks"], &summary["threads"]), (&30.into(), &1.into()));
     assert_eq!(summary["time"], 30.0 / 60.0);
     assert_eq!(summary["finite"], true);
-    assert_eq!(summary["integrator"], "SemiImplicitEuler");
+    assert_eq!(summary["integrator"], "VelocityVerlet");
     assert!(summary["substeps"].as_u64().unwrap() >= 4);
     assert_eq!(summary["momentum"].as_array().unwrap().len(), 3);
     assert!(summary["milliseconds_per_tick"].as_f64().unwrap() > 0.0);
@@ -180,7 +180,8 @@ largest stable substep
   SecondOrderTaylor     none
   VelocityVerlet        0.02000 s
   RungeKutta4           0.02615 s
-Auto would choose       SemiImplicitEuler, 4 substeps a tick
+  ImplicitEuler         any
+Auto would choose       VelocityVerlet, 4 substeps a tick
 this scene would run    RungeKutta4, 3 substeps a tick
 ";
     assert_eq!(String::from_utf8(output.stdout).unwrap(), expected);

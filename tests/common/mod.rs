@@ -1,6 +1,7 @@
 //! The one harness of the app tests: a headless app whose every update runs exactly one tick.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+pub mod backward_euler;
 pub mod bodies;
 pub mod logged;
 pub mod reference;

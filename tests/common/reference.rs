@@ -6,6 +6,8 @@
 use bevy::math::DVec3;
 use bevy_mass_spring::solver::{Scheme, SolverState};
 
+use super::backward_euler;
+
 /// A damped spring between two particles.
 #[derive(Debug, Clone, Copy)]
 pub struct ReferenceSpring {
@@ -110,6 +112,10 @@ impl Reference {
                 };
                 self.position = sum(&x, h / 6.0, &mean(v1, v2, v3, v4));
                 self.velocity = sum(&v, h / 6.0, &mean(a1, a2, a3, a4));
+            }
+            Scheme::ImplicitEuler => {
+                self.position = backward_euler::solve(self, h);
+                self.velocity = sum(&self.position, -1.0, &x).iter().map(|moved| *moved / h).collect();
             }
         }
     }

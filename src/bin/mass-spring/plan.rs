@@ -58,7 +58,7 @@ mod tests {
 
     fn warned(time_step: f64, stiffness: f32) -> Vec<String> {
         let text = format!(
-            "(solver: (time_step: {time_step}),
+            "(solver: (time_step: {time_step}, integrator: SemiImplicitEuler),
               particles: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 1)],
               springs: [(particles: (0, 1), stiffness: {stiffness:e})])"
         );

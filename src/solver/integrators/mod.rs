@@ -4,6 +4,7 @@
 //! marks the new value.
 
 mod explicit_euler;
+mod implicit_euler;
 mod runge_kutta_4;
 mod second_order_taylor;
 mod semi_implicit_euler;
@@ -13,7 +14,7 @@ use super::forces::Field;
 use super::particles::Vectors;
 use super::{SolverState, StepSettings};
 
-/// An explicit integration scheme.
+/// An integration scheme.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Scheme {
     /// x' = x + h v, v' = v + h a(x, v).
@@ -27,26 +28,29 @@ pub enum Scheme {
     VelocityVerlet,
     /// The classical fourth-order Runge–Kutta method.
     RungeKutta4,
+    /// v' = v + h a(x', v'), x' = x + h v': backward Euler.
+    ImplicitEuler,
 }
 
 impl Scheme {
     /// Every scheme.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::ExplicitEuler,
         Self::SemiImplicitEuler,
         Self::SecondOrderTaylor,
         Self::VelocityVerlet,
         Self::RungeKutta4,
+        Self::ImplicitEuler,
     ];
 
     /// How far, in substeps, the scheme's velocity lags behind its position.
     ///
-    /// Under a constant acceleration, both Euler schemes place positions as if the velocity at the
-    /// time of the position were v + lag · h a: they are leapfrogs whose velocities live half a
-    /// substep earlier (semi-implicit) or later (explicit). Impacts at exact speeds need this.
+    /// Under a constant acceleration, the Euler schemes place positions as if the velocity at the time
+    /// of the position were v + lag · h a: they are leapfrogs whose velocities live half a substep
+    /// earlier (semi-implicit and implicit) or later (explicit). Impacts at exact speeds need this.
     pub fn velocity_lag(self) -> f32 {
         match self {
-            Self::SemiImplicitEuler => 0.5,
+            Self::SemiImplicitEuler | Self::ImplicitEuler => 0.5,
             Self::ExplicitEuler => -0.5,
             Self::SecondOrderTaylor | Self::VelocityVerlet | Self::RungeKutta4 => 0.0,
         }
@@ -59,13 +63,14 @@ impl Scheme {
     }
 }
 
-/// Intermediate arrays of the schemes with several stages, kept between ticks.
+/// What schemes need besides the state, kept between ticks.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     position: Vectors,
     velocity: Vectors,
     position_slope: Vectors,
     velocity_slope: Vectors,
+    implicit_euler: implicit_euler::ImplicitEuler,
 }
 
 /// Advances positions and velocities by one substep of `substep` seconds.
@@ -77,6 +82,7 @@ pub(super) fn advance(state: &mut SolverState, settings: &StepSettings, substep:
         Scheme::SecondOrderTaylor => second_order_taylor::advance(state, field, substep),
         Scheme::VelocityVerlet => velocity_verlet::advance(state, field, substep),
         Scheme::RungeKutta4 => runge_kutta_4::advance(state, field, substep),
+        Scheme::ImplicitEuler => implicit_euler::advance(state, field, substep),
     }
 }
 
