@@ -198,8 +198,6 @@ fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize,
     }
 }
 
-/// One number for each of the springs that are computed together.
-type Lanes = [f32; LANES];
 
 /// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
 #[inline(always)]
