@@ -226,7 +226,7 @@ fn automatic(state: &SolverState, time_step: f32) -> StepSettings {
         (first, second, springs.stiffness()[spring], springs.damping()[spring])
     });
     let bounds = FrequencyBounds::of(&state.particles.inverse_mass, listed, 0.0);
-    let (scheme, substeps) = SolverSettings::default().choose(&bounds, time_step).unwrap();
+    let (scheme, substeps) = SolverSettings::default().choose(&bounds, time_step);
     StepSettings { scheme, substeps, time_step, ..settings() }
 }
 

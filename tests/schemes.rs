@@ -143,9 +143,13 @@ fn assert_order(scheme: Scheme, order: f64, steps: u32, tolerance: f64) {
 fn euler_and_taylor_schemes_are_of_first_order() {
     // hω = 0.017; amplitudes off by e^(hω²T/2) have D = ω²T/4: 0.014 in the order. Rounding spoils the
     // finer error by 5 % at most: 0.07 in the order.
-    for scheme in
-        [Scheme::ExplicitEuler, Scheme::SemiImplicitEuler, Scheme::SecondOrderTaylor, Scheme::ImplicitEuler]
-    {
+    for scheme in [
+        Scheme::ExplicitEuler,
+        Scheme::SemiImplicitEuler,
+        Scheme::SecondOrderTaylor,
+        Scheme::ImplicitEuler,
+        Scheme::Xpbd,
+    ] {
         assert_order(scheme, 1.0, 256, 0.12);
     }
 }

@@ -241,20 +241,3 @@ fn bad_settings_are_named_once_and_are_ignored() {
     assert!(logged.take_one().contains("substeps"));
     assert_eq!(report(&app).substeps, 1);
 }
-
-#[test]
-fn a_missing_integrator_is_refused_with_one_line_and_nothing_moves() {
-    let logged = Logged::start();
-    let mut app = app();
-    let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y);
-    run(&mut app, 3);
-    let before = (bits(&app, ball), report(&app).tick);
-    app.insert_resource(scheme(Integrator::Xpbd, 4));
-    run(&mut app, 10);
-    assert!(logged.take_one().contains("Xpbd"));
-    assert_eq!((bits(&app, ball), report(&app).tick), before);
-    app.insert_resource(scheme(Integrator::VelocityVerlet, 4));
-    run(&mut app, 1);
-    assert!(position(&app, ball).y < 1.0);
-    logged.assert_silent();
-}

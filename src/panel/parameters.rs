@@ -122,13 +122,7 @@ fn draw_scheme(ui: &mut Ui, integrator: &mut Integrator) {
         ui,
         |ui| {
             for choice in Integrator::ALL {
-                let scheme = choice.scheme();
-                ui.add_enabled_ui(scheme.is_ok(), |ui| {
-                    let response = ui.selectable_value(integrator, choice, choice.to_string());
-                    if let Err(unavailable) = scheme {
-                        response.on_disabled_hover_text(unavailable.to_string());
-                    }
-                });
+                ui.selectable_value(integrator, choice, choice.to_string());
             }
         },
     );

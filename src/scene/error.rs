@@ -3,8 +3,6 @@
 use std::fmt;
 use std::io;
 
-use crate::settings::UnavailableIntegrator;
-
 /// A scene that is refused: where and why.
 ///
 /// Prints as `chain.scene.ron:12:40: particles[3].mass is -1.0, expected a finite number > 0`.
@@ -55,14 +53,6 @@ pub enum SceneErrorReason {
         value: String,
         /// What would have been accepted.
         expected: String,
-    },
-    /// The scheme is one that this version does not have.
-    #[error("{field}: {source}")]
-    Unavailable {
-        /// The field, `solver.integrator`.
-        field: String,
-        /// Which scheme.
-        source: UnavailableIntegrator,
     },
 }
 

@@ -9,7 +9,7 @@ use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::Particle;
-use crate::settings::{Substeps, UnavailableIntegrator};
+use crate::settings::Substeps;
 
 /// A step from the root of a scene towards one of its fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,13 +50,6 @@ impl Fault {
     fn with_expected(parents: &[Step], field: &'static str, value: String, expected: String) -> Self {
         let path = Path([parents, &[Step::Field(field)]].concat());
         Self { reason: SceneErrorReason::OutOfRange { field: path.to_string(), value, expected }, path }
-    }
-}
-
-impl From<UnavailableIntegrator> for Fault {
-    fn from(source: UnavailableIntegrator) -> Self {
-        let path = Path(vec![Step::Field("solver"), Step::Field("integrator")]);
-        Self { reason: SceneErrorReason::Unavailable { field: path.to_string(), source }, path }
     }
 }
 
@@ -117,7 +110,6 @@ impl MassSpringScene {
             .map_err(|invalid| Fault::new(&[Step::Field("environment")], invalid))?;
         let solver = [Step::Field("solver")];
         self.solver.tick().map_err(|invalid| Fault::new(&solver, invalid))?;
-        self.solver.integrator.scheme()?;
         if self.solver.substeps == Substeps::Fixed(0) {
             let expected = "Auto or Fixed(n) with n >= 1".to_owned();
             return Err(Fault::with_expected(&solver, "substeps", "Fixed(0)".to_owned(), expected));

@@ -11,6 +11,9 @@ const STABILITY_MARGIN: f32 = 0.5;
 /// The least number of automatic substeps: contacts and free flight want some even without springs.
 const MIN_SUBSTEPS: u32 = 4;
 
+/// The number of automatic substeps of position-based dynamics on springs: each is one round over them.
+const XPBD_SUBSTEPS: u32 = 20;
+
 /// The part of its largest stable step that velocity Verlet takes under `Auto`: h ω <= 1.4. Its energy
 /// is right to (hω)²/8 of that of a mode; the highest modes of a net hold little.
 const VERLET_MARGIN: f32 = 0.7;
@@ -119,7 +122,7 @@ impl FrequencyBounds {
             Scheme::SecondOrderTaylor => real_limit.min(2.0 * retardation_time),
             Scheme::VelocityVerlet => velocity_verlet_limit(omega, gamma),
             Scheme::RungeKutta4 => 2.0 * RUNGE_KUTTA_4_RADIUS / (gamma + gamma.hypot(2.0 * omega)),
-            Scheme::ImplicitEuler => f64::INFINITY,
+            Scheme::ImplicitEuler | Scheme::Xpbd => f64::INFINITY,
         };
         limit as f32
     }
@@ -148,12 +151,15 @@ impl FrequencyBounds {
     }
 
     /// The number of substeps of a tick of `time_step` seconds that keeps `scheme` at half of its
-    /// stability bound, from 4 to [`MAX_SUBSTEPS`]; 2 of the implicit scheme where it is dear.
+    /// stability bound, from 4 to [`MAX_SUBSTEPS`]; 2 of the implicit scheme where it is dear; 20 of
+    /// position-based dynamics on springs.
     ///
     /// A scheme that is never stable gets the substeps of semi-implicit Euler.
     pub fn auto_substeps(&self, scheme: Scheme, time_step: f32) -> u32 {
-        if scheme == Scheme::ImplicitEuler && self.has_loops {
-            return IMPLICIT_SUBSTEPS_WITH_LOOPS;
+        match scheme {
+            Scheme::ImplicitEuler if self.has_loops => return IMPLICIT_SUBSTEPS_WITH_LOOPS,
+            Scheme::Xpbd if self.angular_frequency > 0.0 => return XPBD_SUBSTEPS,
+            _ => {}
         }
         let own = self.largest_stable_step(scheme);
         let limit = if own > 0.0 { own } else { self.largest_stable_step(Scheme::SemiImplicitEuler) };
@@ -239,7 +245,8 @@ mod tests {
                 (2.0 - a - g + a * g / 4.0 + g * g / 2.0, 1.0 - g + g * g / 2.0 - a * g / 4.0)
             }
             Scheme::RungeKutta4 => return runge_kutta_4_radius(a, g),
-            Scheme::ImplicitEuler => {
+            // One spring by itself is solved for exactly.
+            Scheme::ImplicitEuler | Scheme::Xpbd => {
                 let denominator = 1.0 + g + a;
                 ((2.0 + g) / denominator, 1.0 / denominator)
             }

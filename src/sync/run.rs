@@ -105,9 +105,7 @@ impl Planner<'_, '_> {
             *self.planned_viscosity = viscosity;
         }
         let time_step = self.time.delta_secs();
-        let choice = self.solver.choose(&simulation.bounds, time_step);
-        let (scheme, substeps) =
-            choice.map_err(|refusal| complaints.push(format!("{refusal}; nothing moves"))).ok()?;
+        let (scheme, substeps) = self.solver.choose(&simulation.bounds, time_step);
         complaints.extend(self.substeps_complaint(&simulation.bounds, substeps));
         Some(StepSettings {
             scheme,

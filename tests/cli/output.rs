@@ -181,6 +181,7 @@ largest stable substep
   VelocityVerlet        0.02000 s
   RungeKutta4           0.02615 s
   ImplicitEuler         any
+  Xpbd                  any
 Auto would choose       VelocityVerlet, 4 substeps a tick
 this scene would run    RungeKutta4, 3 substeps a tick
 ";

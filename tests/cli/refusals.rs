@@ -23,7 +23,6 @@ fn bad_arguments_are_refused() {
         (&["--substeps", "0"], "expected a whole number >= 1, or auto"),
         (&["--substeps", "few"], "expected a whole number >= 1, or auto"),
         (&["--integrator", "Leapfrog"], "VelocityVerlet"),
-        (&["--integrator", "Xpbd"], "not available in this version"),
         (&["--csv", "-", "--json", "-"], "both"),
         (&["--csv", "same", "--json", "same"], "both"),
         (&["--csv", "a.scene.ron"], "overwritten"),

@@ -113,11 +113,40 @@ impl Reference {
                 self.position = sum(&x, h / 6.0, &mean(v1, v2, v3, v4));
                 self.velocity = sum(&v, h / 6.0, &mean(a1, a2, a3, a4));
             }
+            Scheme::Xpbd => self.project_positions(h),
             Scheme::ImplicitEuler => {
                 self.position = backward_euler::solve(self, h);
                 self.velocity = sum(&self.position, -1.0, &x).iter().map(|moved| *moved / h).collect();
             }
         }
+    }
+}
+
+impl Reference {
+    /// One substep of XPBD, one round over the springs in their order (Macklin et al. 2016, algorithm 1
+    /// with equation 26). The drag of the medium is implicit.
+    fn project_positions(&mut self, h: f64) {
+        let (start, old) = (self.position.clone(), self.velocity.clone());
+        let mut x = start.clone();
+        for i in 0..x.len() {
+            let w = self.inverse_mass[i];
+            let push = if w > 0.0 { self.gravity + w * self.force[i] } else { DVec3::ZERO };
+            x[i] += h * (old[i] + h * push) / (1.0 + h * self.viscosity * w);
+        }
+        for spring in &self.springs {
+            let [i, j] = spring.ends;
+            let w = [self.inverse_mass[i], self.inverse_mass[j]];
+            let d = (x[i] - x[j]).normalize();
+            let (alpha, beta) = (1.0 / spring.stiffness / (h * h), h * h * spring.damping);
+            let gamma = alpha * beta / h;
+            let constraint = (x[i] - x[j]).length() - spring.rest_length;
+            let drift = d.dot((x[i] - start[i]) - (x[j] - start[j]));
+            let lambda = (-constraint - gamma * drift) / ((1.0 + gamma) * (w[0] + w[1]) + alpha);
+            x[i] += w[0] * lambda * d;
+            x[j] -= w[1] * lambda * d;
+        }
+        self.velocity = x.iter().zip(&start).map(|(new, old)| (*new - *old) / h).collect();
+        self.position = x;
     }
 }
 

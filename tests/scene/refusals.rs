@@ -21,16 +21,8 @@ fn two_particles_and(rest: &str) -> String {
 fn every_integrator_by_its_name() {
     for integrator in Integrator::ALL {
         let text = format!("(solver: (integrator: {integrator}), particles: [])");
-        match MassSpringScene::from_ron(&text) {
-            Ok(scene) => assert_eq!(scene.solver.integrator, integrator),
-            Err(error) => {
-                assert!(integrator.scheme().is_err(), "{integrator} is available, but: {error}");
-                let message = format!(
-                    "line 1, column 23: solver.integrator: the integrator {integrator} is not available"
-                );
-                assert!(error.to_string().starts_with(&message), "{error}");
-            }
-        }
+        let scene = MassSpringScene::from_ron(&text).unwrap();
+        assert_eq!(scene.solver.integrator, integrator);
     }
 }
 

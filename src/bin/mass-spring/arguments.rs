@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
+use bevy_mass_spring::settings::UnknownIntegrator;
 use bevy_mass_spring::{Integrator, Substeps};
 use clap::{Args, Parser};
 
@@ -122,9 +123,7 @@ fn parse_time_step(text: &str) -> Result<f64, String> {
 }
 
 fn parse_integrator(text: &str) -> Result<Integrator, String> {
-    let integrator: Integrator = text.parse().map_err(|unknown| format!("{unknown}"))?;
-    integrator.scheme().map_err(|unavailable| unavailable.to_string())?;
-    Ok(integrator)
+    text.parse().map_err(|unknown: UnknownIntegrator| unknown.to_string())
 }
 
 fn parse_substeps(text: &str) -> Result<Substeps, String> {

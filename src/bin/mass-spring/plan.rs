@@ -28,8 +28,7 @@ pub fn bounds(scene: &MassSpringScene) -> FrequencyBounds {
 /// What the settings of the scene amount to.
 pub fn plan(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Plan {
     let SceneSolver { integrator, substeps, time_step } = scene.solver;
-    let choice = SolverSettings { integrator, substeps }.choose(bounds, time_step as f32);
-    let (scheme, substeps) = choice.expect("a scene with an integrator that is not available is refused");
+    let (scheme, substeps) = SolverSettings { integrator, substeps }.choose(bounds, time_step as f32);
     Plan { integrator: scheme.into(), substeps }
 }
 

@@ -9,9 +9,12 @@ mod runge_kutta_4;
 mod second_order_taylor;
 mod semi_implicit_euler;
 mod velocity_verlet;
+mod xpbd;
+
+use bevy::math::DVec3;
 
 use super::forces::Field;
-use super::particles::Vectors;
+use super::particles::{Particles, Vectors};
 use super::{SolverState, StepSettings};
 
 /// An integration scheme.
@@ -30,27 +33,30 @@ pub enum Scheme {
     RungeKutta4,
     /// v' = v + h a(x', v'), x' = x + h v': backward Euler.
     ImplicitEuler,
+    /// Extended position-based dynamics, one round over the springs in each substep.
+    Xpbd,
 }
 
 impl Scheme {
     /// Every scheme.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::ExplicitEuler,
         Self::SemiImplicitEuler,
         Self::SecondOrderTaylor,
         Self::VelocityVerlet,
         Self::RungeKutta4,
         Self::ImplicitEuler,
+        Self::Xpbd,
     ];
 
     /// How far, in substeps, the scheme's velocity lags behind its position.
     ///
     /// Under a constant acceleration, the Euler schemes place positions as if the velocity at the time
     /// of the position were v + lag · h a: they are leapfrogs whose velocities live half a substep
-    /// earlier (semi-implicit and implicit) or later (explicit). Impacts at exact speeds need this.
+    /// earlier (semi-implicit, implicit and position-based) or later (explicit). Impacts at exact speeds need this.
     pub fn velocity_lag(self) -> f32 {
         match self {
-            Self::SemiImplicitEuler | Self::ImplicitEuler => 0.5,
+            Self::SemiImplicitEuler | Self::ImplicitEuler | Self::Xpbd => 0.5,
             Self::ExplicitEuler => -0.5,
             Self::SecondOrderTaylor | Self::VelocityVerlet | Self::RungeKutta4 => 0.0,
         }
@@ -71,6 +77,7 @@ pub(super) struct Scratch {
     position_slope: Vectors,
     velocity_slope: Vectors,
     implicit_euler: implicit_euler::ImplicitEuler,
+    xpbd: xpbd::Xpbd,
 }
 
 /// Advances positions and velocities by one substep of `substep` seconds.
@@ -83,7 +90,18 @@ pub(super) fn advance(state: &mut SolverState, settings: &StepSettings, substep:
         Scheme::VelocityVerlet => velocity_verlet::advance(state, field, substep),
         Scheme::RungeKutta4 => runge_kutta_4::advance(state, field, substep),
         Scheme::ImplicitEuler => implicit_euler::advance(state, field, substep),
+        Scheme::Xpbd => xpbd::advance(state, field, substep),
     }
+}
+
+/// The velocity of a free particle after `h` seconds without springs, in m/s:
+/// (v + h (g + f/m)) / (1 + h ν/m).
+fn free_velocity(particles: &Particles, slot: usize, field: Field, h: f64) -> DVec3 {
+    let inverse_mass = f64::from(particles.inverse_mass[slot]);
+    let force = particles.applied_force.get(slot).as_dvec3();
+    let velocity = particles.velocity.get(slot).as_dvec3();
+    (velocity + h * (field.gravity.as_dvec3() + inverse_mass * force))
+        / (1.0 + h * f64::from(field.viscosity) * inverse_mass)
 }
 
 /// `values` += `factor` · `slopes`.

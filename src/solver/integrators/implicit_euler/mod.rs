@@ -27,8 +27,9 @@ use bevy::math::{DVec3, Vec3};
 use super::super::SolverState;
 use super::super::forces::Field;
 use super::super::particles::Particles;
+use super::free_velocity;
 use newton::Newton;
-use system::{System, free_velocity};
+use system::System;
 use topology::{NOBODY, Topology};
 
 /// What is kept from substep to substep: the order of elimination, and memory.

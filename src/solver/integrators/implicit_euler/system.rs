@@ -8,6 +8,7 @@ use bevy::math::DVec3;
 use super::super::super::forces::Field;
 use super::super::super::particles::Particles;
 use super::super::super::springs::Springs;
+use super::super::free_velocity;
 use super::block::Symmetric;
 use super::topology::Topology;
 
@@ -274,14 +275,4 @@ impl System {
         let parent = self.step[topology.parents[node] as usize];
         self.step[node] = own + x * parent.x + y * parent.y + z * parent.z;
     }
-}
-
-/// The velocity of a free particle after `h` seconds without springs, in m/s:
-/// (v + h (g + f/m)) / (1 + h ν/m).
-pub(super) fn free_velocity(particles: &Particles, slot: usize, field: Field, h: f64) -> DVec3 {
-    let inverse_mass = f64::from(particles.inverse_mass[slot]);
-    let force = particles.applied_force.get(slot).as_dvec3();
-    let velocity = particles.velocity.get(slot).as_dvec3();
-    (velocity + h * (field.gravity.as_dvec3() + inverse_mass * force))
-        / (1.0 + h * f64::from(field.viscosity) * inverse_mass)
 }
