@@ -83,6 +83,14 @@ pub fn number(value: f64) -> String {
 
 /// Three significant digits with a sign.
 pub fn signed(value: f64) -> String {
-    let text = number(value);
+    with_sign(value, &number(value))
+}
+
+/// Three decimals with a sign.
+pub fn brief(value: f64) -> String {
+    with_sign(value, &format!("{value:.3}"))
+}
+
+fn with_sign(value: f64, text: &str) -> String {
     if value > 0.0 { format!("+{text}") } else { text.replace('-', "−") }
 }

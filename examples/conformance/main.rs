@@ -101,9 +101,10 @@ fn introduction(lab: &Lab, seconds: f64) -> String {
     );
     section.text.push_str("```sh\ncargo run --release --features conformance --example conformance\n```\n\n");
     section.paragraph(&format!(
-        "on {}, on one core of: {}; it took {} s. Milliseconds are medians over the ticks of a run, of the \
-         pure solver, without Bevy's world; other work on the machine shows in them. All other numbers are \
-         the same on every run of a build.",
+        "on {}, on one core of: {}; it took {} s. Milliseconds are those of the \
+         pure solver, without Bevy's world, and medians over the ticks of a run where nothing else is said; \
+         other work on the machine shows in them. All other numbers are the same on every run of a build, but \
+         for runs that are cut short.",
         machine::date(),
         machine::processor(),
         number(seconds.round())

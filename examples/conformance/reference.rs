@@ -19,14 +19,16 @@ pub struct Reference {
 /// Runs `net` for `seconds` by the classical Runge–Kutta method, with twice as many steps each time
 /// until the doubt is at most `tolerance` (m).
 pub fn motion(net: &Net, seconds: f64, tolerance: f64) -> Reference {
-    let bounds = net.frequency_bounds();
-    // Stable: half of 2.6 on the imaginary and on the real axis.
-    let fastest = bounds.angular_frequency.max(bounds.damping_rate);
-    let mut steps = (seconds * fastest / 1.3).ceil().max(8.0) as usize;
-    let mut coarse = runge_kutta(net, seconds, steps);
+    let mut steps = least_steps(net, seconds);
+    let run = |steps: usize| {
+        let mut net = net.clone();
+        advance(&mut net, seconds, steps);
+        net.position
+    };
+    let mut coarse = run(steps);
     loop {
         steps *= 2;
-        let position = runge_kutta(net, seconds, steps);
+        let position = run(steps);
         let doubt = root_mean_square(&position, &coarse);
         if doubt <= tolerance {
             return Reference { position, doubt, steps };
@@ -35,40 +37,36 @@ pub fn motion(net: &Net, seconds: f64, tolerance: f64) -> Reference {
     }
 }
 
-fn runge_kutta(net: &Net, seconds: f64, steps: usize) -> Vec<DVec3> {
+/// A stable number of steps: half of the bound of 2.6 on the imaginary and on the real axis.
+pub fn least_steps(net: &Net, seconds: f64) -> usize {
+    let bounds = net.frequency_bounds();
+    let fastest = bounds.angular_frequency.max(bounds.damping_rate);
+    (seconds * fastest / 1.3).ceil().max(8.0) as usize
+}
+
+/// The classical Runge–Kutta method.
+pub fn advance(net: &mut Net, seconds: f64, steps: usize) {
     let h = seconds / steps as f64;
-    let (mut x, mut v) = (net.position.clone(), net.velocity.clone());
-    let count = x.len();
-    let mut a = [(); 4].map(|()| vec![DVec3::ZERO; count]);
-    let mut stage = (x.clone(), v.clone());
+    let count = net.position.len();
+    let mut acceleration = vec![DVec3::ZERO; count];
     for _ in 0..steps {
-        let mut moved = vec![DVec3::ZERO; count];
-        let mut gained = vec![DVec3::ZERO; count];
-        for (part, (ahead, weight)) in
-            [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)].into_iter().enumerate()
-        {
-            if part > 0 {
-                // The slopes of the positions are the velocities of the stage before.
-                for slot in 0..count {
-                    stage.0[slot] = x[slot] + ahead * h * stage.1[slot];
-                    stage.1[slot] = v[slot] + ahead * h * a[part - 1][slot];
-                }
-            } else {
-                stage.0.clone_from(&x);
-                stage.1.clone_from(&v);
-            }
-            accelerations(net, &stage.0, &stage.1, &mut a[part]);
+        let (mut x, mut v) = (net.position.clone(), net.velocity.clone());
+        let (mut moved, mut gained) = (vec![DVec3::ZERO; count], vec![DVec3::ZERO; count]);
+        // How far ahead the next stage looks, and the weight of this one.
+        for (ahead, weight) in [(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)] {
+            accelerations(net, &x, &v, &mut acceleration);
             for slot in 0..count {
-                moved[slot] += weight * stage.1[slot];
-                gained[slot] += weight * a[part][slot];
+                moved[slot] += weight * v[slot];
+                gained[slot] += weight * acceleration[slot];
+                x[slot] = net.position[slot] + ahead * h * v[slot];
+                v[slot] = net.velocity[slot] + ahead * h * acceleration[slot];
             }
         }
         for slot in 0..count {
-            x[slot] += h / 6.0 * moved[slot];
-            v[slot] += h / 6.0 * gained[slot];
+            net.position[slot] += h / 6.0 * moved[slot];
+            net.velocity[slot] += h / 6.0 * gained[slot];
         }
     }
-    x
 }
 
 /// Newton's second law with Hooke's law, the damper's and the medium's.

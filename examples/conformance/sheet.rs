@@ -16,8 +16,6 @@ const TICK: f64 = 1.0 / 60.0;
 const TICKS_BEFORE: usize = 30;
 /// What Liu et al. take for a frame, ms.
 const THEIR_FRAME: f64 = 50.0;
-/// Dearer ticks are of no interest, ms.
-const DEAREST: f64 = 300.0;
 
 pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     let mut net = Net::sheet(81, 0.01, 1e5, 0.0, false);
@@ -37,9 +35,6 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         let mut points = Vec::new();
         for substeps in candidates(integrator, &net) {
             let (simulation, milliseconds) = one_tick(&net, integrator, substeps);
-            if milliseconds > DEAREST {
-                break;
-            }
             let error = root_mean_square(&simulation.positions(), &truth.position) / way;
             // One substep of backward Euler is what the converged step is of.
             let is_step = substeps == Substeps::Fixed(1) && is_unconditional(integrator, &net);
@@ -57,7 +52,10 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         }
         lines.push(Line { name: integrator.to_string(), points });
     }
-    lines.push(Line { name: "50 ms (2013)".into(), points: vec![(THEIR_FRAME, 1e-4), (THEIR_FRAME, 0.999)] });
+    lines.push(Line {
+        name: "Liu et al. 2013".into(),
+        points: vec![(THEIR_FRAME, 1e-6), (THEIR_FRAME, 0.999)],
+    });
     let mut section = Section::titled("A sheet of 6,561 particles");
     section.paragraph(&format!(
         "81² particles of 10 g, 0.1 m apart, {} springs of 10⁵ N/m, undamped, two corners pinned, falling from \
@@ -76,8 +74,8 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     section.table(table);
     let plot = Plot {
         title: "One tick of a sheet of 81²: error against cost".to_owned(),
-        x: Axis { label: "ms", logarithmic: true, range: 1.0..1000.0 },
-        y: Axis { label: "error, in parts of the motion", logarithmic: true, range: 1e-4..1.0 },
+        x: Axis { label: "ms", logarithmic: true, range: 5.0..500.0 },
+        y: Axis { label: "error, in parts of the motion", logarithmic: true, range: 1e-6..1.0 },
         lines,
     };
     lab.show(&mut section, "sheet.png", &plot)?;
@@ -89,19 +87,19 @@ fn candidates(integrator: Integrator, net: &Net) -> Vec<Substeps> {
     if integrator == Integrator::Auto {
         return vec![Substeps::Auto];
     }
-    let counts: &[u32] = if is_unconditional(integrator, net) { &[1, 2, 4, 8] } else { &[64, 128, 256, 512] };
+    let counts: &[u32] = if is_unconditional(integrator, net) { &[1, 2, 4] } else { &[64, 128, 256, 512] };
     counts.iter().map(|count| Substeps::Fixed(*count)).collect()
 }
 
-/// The tick, and its cost: the median of three, as a scheme finds it that has its memory already.
+/// The tick, and what it costs a scheme that has run before: the least of three, ms.
 fn one_tick(net: &Net, integrator: Integrator, substeps: Substeps) -> (Simulation, f64) {
     let mut simulation = Simulation::new(net, integrator, substeps, TICK);
-    let fresh = simulation.state.particles.clone();
+    let start = simulation.state.particles.clone();
     simulation.tick();
+    let mut least = f64::INFINITY;
     for _ in 0..3 {
-        simulation.state.particles = fresh.clone();
-        simulation.tick();
+        simulation.state.particles = start.clone();
+        least = least.min(simulation.tick());
     }
-    let milliseconds = simulation.milliseconds();
-    (simulation, milliseconds)
+    (simulation, least)
 }

@@ -51,11 +51,13 @@ impl Simulation {
         Self::new(net, integrator, substeps, time_step)
     }
 
-    /// One tick.
-    pub fn tick(&mut self) {
+    /// One tick; says what it cost, ms.
+    pub fn tick(&mut self) -> f64 {
         let start = Instant::now();
         step(&mut self.state, &self.settings);
-        self.milliseconds.push(start.elapsed().as_secs_f64() * 1e3);
+        let milliseconds = start.elapsed().as_secs_f64() * 1e3;
+        self.milliseconds.push(milliseconds);
+        milliseconds
     }
 
     /// So many ticks, or fewer if they end in infinities.
