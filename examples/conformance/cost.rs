@@ -7,6 +7,7 @@ use bevy_mass_spring::settings::{Integrator, Substeps};
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
+use crate::findings::{CLOTH, ROPE};
 use crate::net::{Net, root_mean_square};
 use crate::plot::{Axis, Line, Plot};
 use crate::reference;
@@ -47,7 +48,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             name: "Rope of 1,000",
             description: "1,000 links of 0.1 m, 10⁴ N/m and 1 N·s/m, particles of 1 kg, one end pinned.",
             file: "cost-rope.png",
-            column: "rope of 1,000: ms a tick for 30 mm",
+            column: ROPE,
             net: Net::strand(1000, 0.1, DVec3::X, 1.0, |_| 1e4, 1.0),
             goals: [3e-2, 1e-3, 1e-4],
         },
@@ -56,7 +57,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             description: "32² particles of 10 g, 0.1 m apart, structural, shear and skip-one springs of 10³ N/m \
                           and 1 N·s/m, two corners pinned.",
             file: "cost-cloth.png",
-            column: "cloth of 32²: ms a tick for 30 mm",
+            column: CLOTH,
             net: Net::sheet(32, 0.01, 1e3, 1.0, true),
             goals: [3e-2, 1e-2, 1e-3],
         },

@@ -15,12 +15,27 @@ impl Section {
 
     /// A paragraph, broken into lines of at most 110 characters.
     pub fn paragraph(&mut self, text: &str) {
+        self.wrap(text, "");
+        self.text.push_str("\n\n");
+    }
+
+    /// Items that begin with `- `.
+    pub fn list(&mut self, items: &[String]) {
+        for item in items {
+            self.wrap(item, "  ");
+            self.text.push('\n');
+        }
+        self.text.push('\n');
+    }
+
+    fn wrap(&mut self, text: &str, indent: &str) {
         let mut width = 0;
         for word in text.split_whitespace() {
             let length = word.chars().count();
             if width > 0 && width + 1 + length > 110 {
                 self.text.push('\n');
-                width = 0;
+                self.text.push_str(indent);
+                width = indent.len();
             } else if width > 0 {
                 self.text.push(' ');
                 width += 1;
@@ -28,7 +43,6 @@ impl Section {
             self.text.push_str(word);
             width += length;
         }
-        self.text.push_str("\n\n");
     }
 
     pub fn picture(&mut self, caption: &str, file: &str) {

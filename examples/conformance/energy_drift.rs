@@ -7,6 +7,7 @@ use bevy_mass_spring::settings::Substeps;
 
 use crate::Lab;
 use crate::document::{Section, Table, signed};
+use crate::findings::ENERGY;
 use crate::net::Net;
 use crate::plot::{Axis, Line, Plot};
 use crate::simulation::{Simulation, integrators};
@@ -28,7 +29,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             let finding = finding(&points, last);
             if index == 0 {
                 cells[1] = simulation.choice(integrator);
-                lab.findings.note("energy of a pendulum after 20 s", integrator, finding.clone());
+                lab.findings.note(ENERGY, integrator, finding.clone());
             }
             cells.push(finding);
             lines[index].push(Line { name: integrator.to_string(), points });

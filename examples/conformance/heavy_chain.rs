@@ -7,6 +7,7 @@ use bevy_mass_spring::settings::Integrator;
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
+use crate::findings::HEAVY;
 use crate::net::{GRAVITY, Net};
 use crate::reference;
 use crate::simulation::{Simulation, integrators};
@@ -40,7 +41,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     for integrator in integrators() {
         let off = hang(integrator, equilibrium);
         let (swing, cost) = swing(integrator);
-        lab.findings.note("100,000 kg on 1 kg links: off by", integrator, off.clone());
+        lab.findings.note(HEAVY, integrator, off.clone());
         table.row([
             format!("`{integrator}`"),
             cost.choice,

@@ -111,9 +111,7 @@ fn introduction(lab: &Lab, seconds: f64) -> String {
     ));
     section.text.push_str("## Which scheme, when\n\n");
     section.table(lab.findings.table());
-    section.paragraph(
-        "Leave it at `Auto`. Name a scheme to know exactly what runs, or for the one thing it is best at. \
-         The table sums up the sections below, which say what was measured and how.",
-    );
+    section.list(&lab.findings.advice());
+    section.paragraph("The table sums up the sections below, which say what was measured and how.");
     section.text
 }

@@ -7,6 +7,7 @@ use bevy_mass_spring::settings::{Integrator, Substeps};
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
+use crate::findings::ORDER;
 use crate::net::{Net, root_mean_square};
 use crate::plot::{Axis, Line, Plot};
 use crate::reference;
@@ -34,7 +35,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             })
             .collect();
         let order = order(&errors);
-        lab.findings.note("order", integrator, format!("{order:.2}"));
+        lab.findings.note(ORDER, integrator, format!("{order:.2}"));
         let cell = |index: usize| format!("{} mm", number(errors[index].1 * 1e3));
         table.row([format!("`{integrator}`"), cell(3), cell(5), cell(7), format!("{order:.2}")]);
         lines.push(Line { name: integrator.to_string(), points: errors });

@@ -28,6 +28,7 @@ pub fn motion(net: &Net, seconds: f64, tolerance: f64) -> Reference {
     let mut coarse = run(steps);
     loop {
         steps *= 2;
+        assert!(steps < 1 << 22, "the reference does not converge to {tolerance} m");
         let position = run(steps);
         let doubt = root_mean_square(&position, &coarse);
         if doubt <= tolerance {

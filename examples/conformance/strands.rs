@@ -7,6 +7,7 @@ use bevy_mass_spring::solver::energy;
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
+use crate::findings::STRETCH;
 use crate::net::{GRAVITY, Net, gravity};
 use crate::plot::{Axis, Line, Plot};
 use crate::simulation::{Simulation, integrators};
@@ -42,7 +43,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         }
         let stretch =
             if largest < 10.0 { format!("{} %", number(largest * 100.0)) } else { "explodes".into() };
-        lab.findings.note("stretch at 1e8 N/m, 1,000 kg", integrator, stretch.clone());
+        lab.findings.note(STRETCH, integrator, stretch.clone());
         let choice = simulation.choice(integrator);
         table.row([format!("`{integrator}`"), choice, stretch, number(simulation.milliseconds())]);
     }

@@ -7,6 +7,7 @@ use bevy_mass_spring::settings::{Integrator, Substeps};
 
 use crate::Lab;
 use crate::document::{Section, Table, brief};
+use crate::findings::STIFFEST;
 use crate::net::Net;
 use crate::simulation::{Simulation, integrators, is_unconditional};
 
@@ -48,7 +49,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
                 table.row(choices);
             }
             if name == "1/60" {
-                lab.findings.note("sheet of 51²: stiffest that survives", integrator, survived);
+                lab.findings.note(STIFFEST, integrator, survived);
             }
         }
         section.paragraph(&format!("In ticks of {name} s:"));
