@@ -1,0 +1,160 @@
+//! Nets of particles and springs, from which both the solver's state and the f64 reference are made.
+
+use bevy::math::{DVec3, Vec3};
+use bevy_mass_spring::solver::SolverState;
+use bevy_mass_spring::solver::stability::FrequencyBounds;
+
+/// m/s², as the solver has it.
+pub const GRAVITY: f64 = 9.81_f32 as f64;
+
+/// A damped spring.
+#[derive(Debug, Clone, Copy)]
+pub struct Link {
+    pub ends: [usize; 2],
+    /// m
+    pub rest_length: f64,
+    /// N/m
+    pub stiffness: f64,
+    /// N·s/m
+    pub damping: f64,
+}
+
+/// Particles and springs. Every value is one that f32 holds exactly, so that solver and reference begin
+/// with the same.
+#[derive(Debug, Clone, Default)]
+pub struct Net {
+    /// m
+    pub position: Vec<DVec3>,
+    /// m/s
+    pub velocity: Vec<DVec3>,
+    /// 1/kg; 0: pinned
+    pub inverse_mass: Vec<f64>,
+    pub links: Vec<Link>,
+    /// Of the medium, N·s/m
+    pub viscosity: f64,
+}
+
+impl Net {
+    /// A strand of `links` springs, each `length` long, from a pinned particle at the origin along
+    /// `direction`; the stiffness depends on the number of the link.
+    pub fn strand(
+        links: usize,
+        length: f64,
+        direction: DVec3,
+        mass: f64,
+        stiffness: impl Fn(usize) -> f64,
+        damping: f64,
+    ) -> Self {
+        let mut net = Self::default();
+        for number in 0..=links {
+            net.add_particle(direction * length * number as f64, mass);
+        }
+        net.set_mass(0, f64::INFINITY);
+        for link in 0..links {
+            net.add_link([link, link + 1], length, stiffness(link), damping);
+        }
+        net
+    }
+
+    /// A horizontal sheet of `side`² particles 0.1 m apart, pinned at two corners, with structural and
+    /// shear springs; springs that skip one particle make it stiff against bending.
+    pub fn sheet(side: usize, mass: f64, stiffness: f64, damping: f64, skip: bool) -> Self {
+        let mut net = Self::default();
+        for slot in 0..side * side {
+            net.add_particle(DVec3::new((slot % side) as f64, 0.0, (slot / side) as f64) * 0.1, mass);
+        }
+        net.set_mass(0, f64::INFINITY);
+        net.set_mass(side - 1, f64::INFINITY);
+        let offsets: [(isize, usize); 6] = [(1, 0), (0, 1), (1, 1), (-1, 1), (2, 0), (0, 2)];
+        for (columns, rows) in offsets.into_iter().take(if skip { 6 } else { 4 }) {
+            let length = 0.1 * f64::hypot(columns as f64, rows as f64);
+            for slot in 0..side * side {
+                let (column, row) = ((slot % side) as isize + columns, slot / side + rows);
+                if (0..side as isize).contains(&column) && row < side {
+                    net.add_link([slot, row * side + column as usize], length, stiffness, damping);
+                }
+            }
+        }
+        net
+    }
+
+    fn add_particle(&mut self, position: DVec3, mass: f64) {
+        self.position.push(position.as_vec3().as_dvec3());
+        self.velocity.push(DVec3::ZERO);
+        self.inverse_mass.push(rounded(1.0 / mass));
+    }
+
+    fn add_link(&mut self, ends: [usize; 2], rest_length: f64, stiffness: f64, damping: f64) {
+        let [rest_length, stiffness, damping] = [rest_length, stiffness, damping].map(rounded);
+        self.links.push(Link { ends, rest_length, stiffness, damping });
+    }
+
+    /// Replaces the mass of a particle: kg, or infinite.
+    pub fn set_mass(&mut self, slot: usize, mass: f64) {
+        self.inverse_mass[slot] = rounded(1.0 / mass);
+    }
+
+    /// The weight of all free particles, N.
+    pub fn weight(&self) -> f64 {
+        self.inverse_mass.iter().filter(|inverse| **inverse > 0.0).map(|inverse| GRAVITY / inverse).sum()
+    }
+
+    /// The same net as the solver has it.
+    pub fn solver_state(&self) -> SolverState {
+        let mut state = SolverState::default();
+        for slot in 0..self.position.len() {
+            state.particles.push(self.position[slot].as_vec3(), self.velocity[slot].as_vec3(), 1.0, 0.0);
+            state.particles.inverse_mass[slot] = self.inverse_mass[slot] as f32;
+        }
+        for link in &self.links {
+            let [first, second] = link.ends;
+            let [length, stiffness, damping] =
+                [link.rest_length, link.stiffness, link.damping].map(|value| value as f32);
+            state.springs.push(first, second, length, stiffness, damping);
+        }
+        state
+    }
+
+    /// What limits the substeps of this net.
+    pub fn frequency_bounds(&self) -> FrequencyBounds {
+        let inverse_mass: Vec<f32> = self.inverse_mass.iter().map(|inverse| *inverse as f32).collect();
+        let springs = self
+            .links
+            .iter()
+            .map(|link| (link.ends[0], link.ends[1], link.stiffness as f32, link.damping as f32));
+        FrequencyBounds::of(&inverse_mass, springs, self.viscosity as f32)
+    }
+
+    /// Goes on from where `state` is.
+    pub fn take(&mut self, state: &SolverState) {
+        for slot in 0..self.position.len() {
+            self.position[slot] = state.particles.position.get(slot).as_dvec3();
+            self.velocity[slot] = state.particles.velocity.get(slot).as_dvec3();
+        }
+    }
+
+    /// The pull of each link, N.
+    pub fn tensions(&self, position: &[DVec3]) -> Vec<DVec3> {
+        let pull = |link: &Link| {
+            let separation = position[link.ends[0]] - position[link.ends[1]];
+            link.stiffness * (separation.length() - link.rest_length) * separation.normalize()
+        };
+        self.links.iter().map(pull).collect()
+    }
+}
+
+/// The nearest f32.
+fn rounded(value: f64) -> f64 {
+    f64::from(value as f32)
+}
+
+/// Downwards, as the solver takes it.
+pub fn gravity() -> Vec3 {
+    Vec3::NEG_Y * GRAVITY as f32
+}
+
+/// The root of the mean square distance of two sets of points, m.
+pub fn root_mean_square(first: &[DVec3], second: &[DVec3]) -> f64 {
+    let sum: f64 = first.iter().zip(second).map(|(first, second)| first.distance_squared(*second)).sum();
+    (sum / first.len() as f64).sqrt()
+}
