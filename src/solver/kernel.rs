@@ -198,7 +198,6 @@ fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize,
     }
 }
 
-
 /// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
 #[inline(always)]
 fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motion, forces: &mut Forces) {
