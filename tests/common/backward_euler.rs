@@ -74,10 +74,12 @@ fn eliminate(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
             .expect("there is a row left");
         matrix.swap(column, pivot);
         right.swap(column, pivot);
-        for row in column + 1..count {
-            let factor = matrix[row][column] / matrix[column][column];
-            for entry in column..count {
-                matrix[row][entry] -= factor * matrix[column][entry];
+        let (done, below) = matrix.split_at_mut(column + 1);
+        let pivot_row = &done[column];
+        for (row, entries) in (column + 1..).zip(below) {
+            let factor = entries[column] / pivot_row[column];
+            for (entry, pivot_entry) in entries.iter_mut().zip(pivot_row).skip(column) {
+                *entry -= factor * pivot_entry;
             }
             right[row] -= factor * right[column];
         }
