@@ -24,6 +24,9 @@ pub(super) const SMALLEST_BLOCK: usize = 2048;
 /// The part of the springs that may be listed twice: a larger block is taken until no more are.
 const MOST_CUT: f32 = 0.04;
 
+/// One in so many springs may be loose because they came later; then all are sorted anew.
+const MOST_APPENDED: usize = 8;
+
 /// Which ends of a spring lie in a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Side {
@@ -79,9 +82,6 @@ struct Entry {
     lower: u32,
     spring: u32,
 }
-
-/// One in so many springs may be loose because they came later; then all are sorted anew.
-const MOST_APPENDED: usize = 8;
 
 /// All springs in blocks.
 #[derive(Debug, Clone, Default)]

@@ -14,7 +14,7 @@ use crate::solver::{PinnedMotion, SolverState};
 use super::Simulation;
 use super::hierarchy::{Hierarchy, to_world};
 use super::index::Index;
-use super::numbering::{self, Candidates, EditedSprings};
+use super::numbering::{self, Applicants, EditedSprings};
 use super::planes::{GatheredPlanes, gather_planes};
 use super::roster::Slot;
 
@@ -55,7 +55,7 @@ pub(super) fn gather(
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
     mut gathered_planes: ResMut<GatheredPlanes>,
-    mut queries: ParamSet<(Query<EditedSprings>, Candidates, Particles)>,
+    mut queries: ParamSet<(Query<EditedSprings>, Applicants, Particles)>,
     planes: Query<&PlaneCollider>,
     hierarchy: Hierarchy,
 ) {

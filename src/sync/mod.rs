@@ -28,19 +28,17 @@ use bevy::prelude::*;
 
 use crate::MassSpringSystems;
 use crate::particle::{Particle, Quarantined};
+use crate::solver::SolverState;
 use crate::solver::stability::FrequencyBounds;
-use crate::solver::{SolverState, StepSettings};
 use crate::spring::Spring;
 
 pub(crate) use restore::{restore_initial_state, take_initial_state};
 use roster::Slot;
 
-/// The solver's state and what this tick is to do with it.
+/// The solver's state, and bounds on its frequencies.
 #[derive(Resource, Default)]
 pub(crate) struct Simulation {
     state: SolverState,
-    /// What this tick runs; `None` if it was refused.
-    settings: Option<StepSettings>,
     bounds: FrequencyBounds,
     /// A mass, a spring or the viscosity has changed since `bounds` were computed.
     bounds_are_stale: bool,

@@ -35,7 +35,7 @@ pub(super) type EditedSprings = (Entity, Ref<'static, Spring>, &'static Slot<Spr
 
 /// Who may get a slot.
 #[derive(SystemParam)]
-pub(super) struct Candidates<'w, 's> {
+pub(super) struct Applicants<'w, 's> {
     particles: Query<'w, 's, ParticleData>,
     springs: Query<'w, 's, SpringData>,
 }
@@ -45,9 +45,9 @@ pub(super) fn refresh_slots(
     index: &mut Index,
     simulation: &mut Simulation,
     edits: &Edits,
-    candidates: Candidates,
+    applicants: Applicants,
 ) {
-    let Candidates { particles, springs } = candidates;
+    let Applicants { particles, springs } = applicants;
     let mended = |entity: &Entity| {
         particles.get(*entity).is_ok_and(|(particle, transform, velocity, ..)| {
             check_particle(particle, transform, velocity).is_ok()

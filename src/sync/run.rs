@@ -28,8 +28,7 @@ pub(super) fn run_step(
 ) {
     let start = Instant::now();
     let simulation = &mut *simulation;
-    simulation.settings = planner.plan(simulation);
-    let Some(settings) = simulation.settings else { return };
+    let settings = planner.plan(simulation);
     simulation.state.contacts.recording = contacts.is_some();
     step(&mut simulation.state, &settings);
     report.tick += 1;
@@ -72,8 +71,8 @@ pub(super) struct Planner<'w, 's> {
 }
 
 impl Planner<'_, '_> {
-    /// The settings of this tick; `None` if it is refused.
-    fn plan(&mut self, simulation: &mut Simulation) -> Option<StepSettings> {
+    /// The settings of this tick.
+    fn plan(&mut self, simulation: &mut Simulation) -> StepSettings {
         let mut complaints = Vec::new();
         let settings = self.resolve(simulation, &mut complaints);
         let complaint = (!complaints.is_empty()).then(|| complaints.join("; "));
@@ -86,7 +85,7 @@ impl Planner<'_, '_> {
         settings
     }
 
-    fn resolve(&mut self, simulation: &mut Simulation, complaints: &mut Vec<String>) -> Option<StepSettings> {
+    fn resolve(&mut self, simulation: &mut Simulation, complaints: &mut Vec<String>) -> StepSettings {
         let mut environment = *self.environment;
         if let Err(problem) = environment.validate() {
             complaints.push(format!("Environment: {problem}; neither gravity nor viscosity acts"));
@@ -107,7 +106,7 @@ impl Planner<'_, '_> {
         let time_step = self.time.delta_secs();
         let (scheme, substeps) = self.solver.choose(&simulation.bounds, time_step);
         complaints.extend(self.substeps_complaint(&simulation.bounds, substeps));
-        Some(StepSettings {
+        StepSettings {
             scheme,
             substeps,
             time_step,
@@ -117,11 +116,9 @@ impl Planner<'_, '_> {
             pair_rules: collisions
                 .particles
                 .then_some(PairRules { restitution: collisions.restitution, friction: collisions.friction }),
-        })
+        }
     }
-}
 
-impl Planner<'_, '_> {
     /// What is wrong with the number of substeps.
     fn substeps_complaint(&self, bounds: &FrequencyBounds, substeps: u32) -> Option<String> {
         match self.solver.substeps {

@@ -45,9 +45,6 @@ pub(super) fn scatter(
     mut report: ResMut<TickReport>,
     mut publications: Publications,
 ) {
-    if simulation.settings.is_none() {
-        return;
-    }
     let start = Instant::now();
     scatter_particles(&simulation, &mut gathered, &mut queries, &parents);
     publications.report_faults(&index, &mut gathered.faults, &mut report);
