@@ -19,8 +19,15 @@ const THIN_SKIN: f32 = 0.2;
 /// kinds come into different classes of the grid, and a few fast ones do not widen the cells of all.
 const THICK_SKIN: f32 = 1.4;
 
-/// A particle is fast that would outrun a thin skin within so many ticks.
-const PATIENCE: f32 = 4.0;
+/// A particle is fast that would outrun a thin skin within so many ticks. In a crowd, thick skins are for
+/// a few: the first of these is taken that makes at most one particle in sixteen fast.
+const PATIENCE: [f32; 4] = [4.0, 1.0, 0.25, 0.0];
+
+/// From so many pairs a particle on it is a crowd, in which thick skins cost more than they spare,
+const CROWD: usize = 8;
+
+/// until there are fewer than so many.
+const SCATTERED: usize = 1;
 
 /// What is known of a pair from the substep before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +76,8 @@ pub(super) struct Candidates {
     skins: Vec<f32>,
     joints: Joints,
     near: Near,
+    /// Whether particles have many neighbours.
+    crowded: bool,
     stale: bool,
 }
 
@@ -123,6 +132,7 @@ impl Candidates {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.list.clear();
+        self.crowded = false;
         self.stale = true;
     }
 
@@ -164,6 +174,12 @@ impl Candidates {
             self.stale = false;
             self.choose_skins(particles, time_step);
             self.search(particles);
+            if !self.crowded && self.found.len() > CROWD * particles.len() {
+                self.crowded = true;
+                self.choose_skins(particles, time_step);
+                self.search(particles);
+            }
+            self.crowded &= self.found.len() >= SCATTERED * particles.len();
             std::mem::swap(&mut self.list, &mut self.old);
             self.sort_bottom_up(particles, up);
             self.recall(particles, previous);
@@ -197,13 +213,21 @@ impl Candidates {
     fn choose_skins(&mut self, particles: &Particles, time_step: f32) {
         self.origins.copy_from(&particles.position);
         let common = mean(particles.len(), |slot| particles.velocity.get(slot));
+        let is_fast = |slot: usize, patience: f32| {
+            let travel = (particles.velocity.get(slot) - common).length() * patience * time_step;
+            travel > THIN_SKIN * particles.radius[slot]
+        };
+        let few = particles.len() / 16;
+        let few_are_fast = |patience: &f32| {
+            (0..particles.len()).filter(|slot| is_fast(*slot, *patience)).take(few + 1).count() <= few
+        };
+        let patience = if self.crowded { PATIENCE.into_iter().find(few_are_fast) } else { None };
+        let patience = patience.unwrap_or(PATIENCE[0]);
         self.skins.clear();
-        self.skins.extend(particles.radius.iter().enumerate().map(|(slot, &radius)| {
-            if radius == 0.0 {
-                return f32::INFINITY;
-            }
-            let travel = (particles.velocity.get(slot) - common).length() * PATIENCE * time_step;
-            if travel > THIN_SKIN * radius { THICK_SKIN * radius } else { THIN_SKIN * radius }
+        self.skins.extend(particles.radius.iter().enumerate().map(|(slot, &radius)| match radius {
+            0.0 => f32::INFINITY,
+            _ if is_fast(slot, patience) => THICK_SKIN * radius,
+            _ => THIN_SKIN * radius,
         }));
     }
 
