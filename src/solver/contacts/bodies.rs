@@ -1,14 +1,21 @@
 //! Particles as the contacts want them: each in one cache line, its vectors in SIMD registers.
 //!
 //! Contacts reach for two particles here and two there, where forces and integration run along the
-//! arrays; so while contacts are solved the particles are a plain array of structures.
+//! arrays; so while contacts are solved the particles are a plain array of structures, ordered as
+//! [`Regions`] say.
 
 use bevy::math::{Vec3, Vec3A};
 
+use crate::solver::blocks;
 use crate::solver::particles::Particles;
 
+use super::regions::Regions;
+
+/// So many bodies are copied as one part.
+const BLOCK: usize = 4096;
+
 /// What contacts read and write of a particle.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub(super) struct Body {
     pub position: Vec3A,
@@ -31,24 +38,46 @@ impl Body {
     }
 }
 
-/// Copies all particles, each into its slot; `previous` are their positions at the start of the substep.
-pub(super) fn fill(bodies: &mut Vec<Body>, particles: &Particles, previous: &[Vec3]) {
-    bodies.clear();
-    bodies.extend(previous.iter().enumerate().map(|(slot, previous)| Body {
-        position: particles.position.get(slot).into(),
-        velocity: particles.velocity.get(slot).into(),
-        previous: (*previous).into(),
-        inverse_mass: particles.inverse_mass[slot],
-        radius: particles.radius[slot],
-        holds: 0,
-        supported: particles.inverse_mass[slot] == 0.0,
-    }));
+/// Copies all particles; `previous` are their positions at the start of the substep.
+pub(super) fn fill(bodies: &mut Vec<Body>, particles: &Particles, previous: &[Vec3], regions: &Regions) {
+    bodies.resize(particles.len(), Body::default());
+    let parts = bodies.chunks_mut(BLOCK).zip(regions.slot_of.chunks(BLOCK));
+    blocks::for_each(parts, regions.are_many(), |(bodies, slots)| {
+        for (body, slot) in bodies.iter_mut().zip(slots) {
+            let slot = *slot as usize;
+            *body = Body {
+                position: particles.position.get(slot).into(),
+                velocity: particles.velocity.get(slot).into(),
+                previous: previous[slot].into(),
+                inverse_mass: particles.inverse_mass[slot],
+                radius: particles.radius[slot],
+                holds: 0,
+                supported: particles.inverse_mass[slot] == 0.0,
+            };
+        }
+    });
+}
+
+/// Changes each body by itself.
+pub(super) fn for_each(bodies: &mut [Body], regions: &Regions, change: impl Fn(&mut Body) + Sync) {
+    blocks::for_each(bodies.chunks_mut(BLOCK), regions.are_many(), |bodies| {
+        bodies.iter_mut().for_each(&change)
+    });
 }
 
 /// Copies positions and velocities back.
-pub(super) fn write_back(bodies: &[Body], particles: &mut Particles) {
-    for (slot, body) in bodies.iter().enumerate() {
-        particles.position.set(slot, body.position.into());
-        particles.velocity.set(slot, body.velocity.into());
-    }
+pub(super) fn write_back(bodies: &[Body], particles: &mut Particles, regions: &Regions) {
+    let places = particles.position.chunks_mut(BLOCK).zip(particles.velocity.chunks_mut(BLOCK));
+    let parts = places.zip(regions.body_of.chunks(BLOCK));
+    blocks::for_each(parts, regions.are_many(), |((position, velocity), numbers)| {
+        let set = |[x, y, z]: &mut [&mut [f32]; 3], place: usize, value: Vec3A| {
+            [x[place], y[place], z[place]] = value.to_array();
+        };
+        let (mut position, mut velocity) = (position, velocity);
+        for (place, number) in numbers.iter().enumerate() {
+            let body = &bodies[*number as usize];
+            set(&mut position, place, body.position);
+            set(&mut velocity, place, body.velocity);
+        }
+    });
 }

@@ -11,6 +11,8 @@ use crate::solver::springs::Springs;
 
 use super::grid::Grid;
 use super::joints::Joints;
+use super::list::{Candidate, List, Past, slots};
+use super::regions::{Groups, Regions};
 
 /// The skin of a slow particle, as a part of its radius.
 const THIN_SKIN: f32 = 0.2;
@@ -29,109 +31,42 @@ const CROWD: usize = 8;
 /// until there are fewer than so many.
 const SCATTERED: usize = 1;
 
-/// What is known of a pair from the substep before.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Past {
-    /// It did not touch.
-    Apart,
-    /// It touched: the index of its contact.
-    Contact(u32),
-    /// Both particles are on springs, and they have overlapped ever since they were first seen. Such a
-    /// pair does not collide: to part it would stretch the springs, with energy from nowhere.
-    Entangled,
-}
-
-/// A pair that may touch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Candidate {
-    /// The lower particle.
-    pub lower: u32,
-    /// The upper particle.
-    pub upper: u32,
-    pub past: Past,
-}
-
-/// Which pairs are near each other.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Near {
-    /// Their places in the list, for each block of pairs from its start.
-    pub places: Vec<u32>,
-    /// How many there are in each block.
-    pub counts: Vec<usize>,
-}
-
 /// The candidate pairs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Candidates {
-    /// From the bottom of the world to the top.
+    /// In groups, each from the bottom of the world to the top.
     list: List,
     /// The list before a rebuild, from which the past is carried over.
     old: List,
-    /// The heights of the found pairs, as sortable bits, and their places among the found.
-    heights: Vec<u64>,
     grid: Grid,
+    /// The found pairs of slots.
     found: Vec<(u32, u32)>,
+    /// The same in groups.
+    grouped: Vec<(u32, u32)>,
+    /// Their heights, as sortable bits, and their places in the group.
+    heights: Vec<u64>,
     /// Positions at the time of the last rebuild.
     origins: Vectors,
     skins: Vec<f32>,
     joints: Joints,
-    near: Near,
+    regions: Regions,
+    groups: Groups,
     /// Whether particles have many neighbours.
     crowded: bool,
     stale: bool,
 }
 
-/// Pairs, and where each of them is.
-#[derive(Debug, Clone, Default)]
-struct List {
-    pairs: Vec<Candidate>,
-    /// `starts[a]..starts[a + 1]` are the partners of particle a.
-    starts: Vec<u32>,
-    /// The partners b > a of each particle, and the place of the pair in the list.
-    partners: Vec<(u32, u32)>,
-}
-
-impl List {
-    fn clear(&mut self) {
-        self.pairs.clear();
-        self.starts.clear();
-    }
-
-    /// Finds out where the pairs of each of `count` particles are.
-    fn index(&mut self, count: usize) {
-        let Self { pairs, starts, partners } = self;
-        starts.clear();
-        starts.resize(count + 1, 0);
-        for pair in &*pairs {
-            starts[pair.lower.min(pair.upper) as usize] += 1;
-        }
-        let mut total = 0;
-        for start in &mut *starts {
-            total += *start;
-            *start = total;
-        }
-        partners.clear();
-        partners.resize(pairs.len(), (0, 0));
-        for (place, pair) in pairs.iter().enumerate() {
-            let start = &mut starts[pair.lower.min(pair.upper) as usize];
-            *start -= 1;
-            partners[*start as usize] = (pair.lower.max(pair.upper), place as u32);
-        }
-    }
-
-    fn find(&mut self, one: u32, other: u32) -> Option<&mut Candidate> {
-        let (a, b) = (one.min(other) as usize, one.max(other));
-        let bounds = self.starts.get(a..a + 2)?;
-        let partners = &self.partners[bounds[0] as usize..bounds[1] as usize];
-        let place = partners.iter().find(|(partner, _)| *partner == b)?.1;
-        self.pairs.get_mut(place as usize)
-    }
-}
-
 impl Candidates {
+    /// There are `count` particles, and no pairs among them.
+    pub fn disband(&mut self, count: usize) {
+        self.clear();
+        self.regions.unite(count);
+    }
+
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.list.clear();
+        self.groups.clear();
         self.crowded = false;
         self.stale = true;
     }
@@ -139,15 +74,19 @@ impl Candidates {
     /// The particles were renumbered: `new_slots[old]` is the new slot of each, in the same order as
     /// before; `None` for those that are gone.
     pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
-        let new_slot = |old: u32| new_slots.get(old as usize).copied().flatten();
-        self.list.pairs.retain_mut(|pair| {
+        let List { pairs, slot_of, .. } = &mut self.list;
+        let new_slot = |body: u32| new_slots.get(slot_of[body as usize] as usize).copied().flatten();
+        pairs.retain_mut(|pair| {
             let (Some(lower), Some(upper)) = (new_slot(pair.lower), new_slot(pair.upper)) else {
                 return false;
             };
             (pair.lower, pair.upper) = (lower, upper);
             true
         });
-        self.list.index(count);
+        // Until they are divided again.
+        slot_of.clear();
+        slot_of.extend(0..count as u32);
+        self.list.index();
         self.stale = true;
     }
 
@@ -181,6 +120,7 @@ impl Candidates {
             }
             self.crowded &= self.found.len() >= SCATTERED * particles.len();
             std::mem::swap(&mut self.list, &mut self.old);
+            self.regions.divide(particles, up);
             self.sort_bottom_up(particles, up);
             self.recall(particles, previous);
         }
@@ -191,9 +131,24 @@ impl Candidates {
         self.list.pairs.is_empty()
     }
 
-    /// The pairs, from the bottom up; what is known of the springs; and room to note who is near.
-    pub fn pairs(&mut self) -> (&mut [Candidate], &Joints, &mut Near) {
-        (&mut self.list.pairs, &self.joints, &mut self.near)
+    /// The pairs, in groups and there from the bottom up; the groups; and what is known of the springs.
+    pub fn pairs(&mut self) -> (&mut [Candidate], &mut Groups, &Regions, &Joints) {
+        (&mut self.list.pairs, &mut self.groups, &self.regions, &self.joints)
+    }
+
+    /// The groups of the pairs.
+    pub fn groups(&self) -> &Groups {
+        &self.groups
+    }
+
+    /// The groups of the pairs.
+    pub fn groups_mut(&mut self) -> &mut Groups {
+        &mut self.groups
+    }
+
+    /// How the bodies are ordered.
+    pub fn regions(&self) -> &Regions {
+        &self.regions
     }
 
     /// Whether somebody has moved by more than its skin. What all have moved by together does not count:
@@ -244,44 +199,54 @@ impl Candidates {
         grid.find_pairs(spheres, meet, found);
     }
 
-    /// Lists the pairs by the height of their middle: whatever carries a pair comes before it. (Not by
-    /// that of the lower particle: pairs in a row that share one would have to wait for each other.)
+    /// Lists the pairs of each group by the height of their middle: whatever carries a pair comes before it.
+    /// (Not by that of the lower particle: pairs in a row that share one would have to wait for each other.)
     fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
-        let Self { list, heights, found, .. } = self;
+        let Self { list, heights, found, grouped, regions, groups, .. } = self;
+        groups.arrange(regions, found, grouped);
+        heights.resize(found.len(), 0);
+        list.pairs.resize(found.len(), Candidate { lower: 0, upper: 0, past: Past::Apart });
+        list.slot_of.clone_from(&regions.slot_of);
         let height = |slot: u32| particles.position.get(slot as usize).dot(up);
-        heights.clear();
-        heights.extend(found.iter().enumerate().map(|(place, (a, b))| {
-            // Floats sort like integers once the negative ones are turned round.
-            let bits = (height(*a) + height(*b)).to_bits();
-            let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
-            u64::from(sortable) << 32 | place as u64
-        }));
-        heights.sort_unstable();
-        list.pairs.clear();
-        list.pairs.extend(heights.iter().map(|place| {
-            let (a, b) = found[*place as u32 as usize];
-            let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
-            Candidate { lower, upper, past: Past::Apart }
-        }));
-        list.index(particles.len());
+        let body = |slot: u32| regions.body_of[slot as usize];
+        groups.for_each_list((&mut heights[..], &mut list.pairs[..]), |group, (heights, pairs)| {
+            let found = &grouped[group.pairs.clone()];
+            for (place, (key, (a, b))) in heights.iter_mut().zip(found).enumerate() {
+                // Floats sort like integers once the negative ones are turned round.
+                let bits = (height(*a) + height(*b)).to_bits();
+                let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+                *key = u64::from(sortable) << 32 | place as u64;
+            }
+            heights.sort_unstable();
+            for (pair, key) in pairs.iter_mut().zip(heights) {
+                let (a, b) = found[*key as u32 as usize];
+                let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
+                *pair = Candidate { lower: body(lower), upper: body(upper), past: Past::Apart };
+            }
+        });
+        list.index();
     }
 
     /// Carries what is known of the old pairs over to the new ones.
     fn recall(&mut self, particles: &Particles, previous: &[Vec3]) {
         let Self { list, old, joints, .. } = self;
         for pair in old.pairs.iter().filter(|pair| pair.past != Past::Apart) {
-            if let Some(new) = list.find(pair.lower, pair.upper) {
+            if let Some(new) = list.find(slots(&old.slot_of, pair)) {
                 new.past = pair.past;
             }
         }
+        if !joints.any() {
+            return;
+        }
         for pair in &mut list.pairs {
-            let (lower, upper) = (pair.lower as usize, pair.upper as usize);
-            if !joints.is_sprung(lower) || !joints.is_sprung(upper) || pair.past != Past::Apart {
+            let ends = slots(&list.slot_of, pair);
+            let [a, b] = ends.map(|slot| slot as usize);
+            if !joints.is_sprung(a) || !joints.is_sprung(b) || pair.past != Past::Apart {
                 continue;
             }
-            let reach = particles.radius[lower] + particles.radius[upper];
-            let overlaps = previous[lower].distance_squared(previous[upper]) < reach * reach;
-            if overlaps && old.find(pair.lower, pair.upper).is_none() {
+            let reach = particles.radius[a] + particles.radius[b];
+            let overlaps = previous[a].distance_squared(previous[b]) < reach * reach;
+            if overlaps && old.find(ends).is_none() {
                 pair.past = Past::Entangled;
             }
         }
@@ -319,7 +284,7 @@ mod tests {
     }
 
     fn past(candidates: &mut Candidates, a: u32, b: u32) -> Past {
-        candidates.list.find(a, b).expect("the pair is listed").past
+        candidates.list.find([a, b]).expect("the pair is listed").past
     }
 
     #[test]
@@ -327,7 +292,7 @@ mod tests {
         let mut particles = row(1.0, 4);
         let mut candidates = Candidates::default();
         assert_eq!(refreshed(&mut candidates, &particles), [(0, 1), (1, 2), (2, 3)]);
-        candidates.list.find(2, 3).expect("the pair is listed").past = Past::Contact(7);
+        candidates.list.find([2, 3]).expect("the pair is listed").past = Past::Contact(7);
 
         particles.position.set(0, Vec3::X * -5.0);
         assert_eq!(refreshed(&mut candidates, &particles), [(1, 2), (2, 3)]);

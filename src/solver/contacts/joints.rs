@@ -17,12 +17,15 @@ pub(super) struct Joints {
     partners: Vec<u32>,
     /// Whether a spring pulls at each particle.
     sprung: Vec<bool>,
+    /// Whether there are springs.
+    any: bool,
 }
 
 impl Joints {
     /// Finds out about all springs.
     pub fn rebuild(&mut self, particles: &Particles, springs: &Springs) {
-        let Self { starts, partners, sprung } = self;
+        let Self { starts, partners, sprung, any } = self;
+        *any = acting(springs).next().is_some();
         sprung.clear();
         sprung.resize(particles.len(), false);
         starts.clear();
@@ -46,6 +49,11 @@ impl Joints {
             *start -= 1;
             partners[*start as usize] = b;
         }
+    }
+
+    /// Whether there are springs.
+    pub fn any(&self) -> bool {
+        self.any
     }
 
     /// Whether a spring pulls at a particle.

@@ -3,15 +3,18 @@
 //! Every contact is answered in three steps: the particles are *projected* out of each other (the
 //! correction shared by mass), the approaching part of their velocity is removed, and given back with
 //! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
-//! mass. The files: `response.rs` the formulas; `grid.rs`, `joints.rs` and `candidates.rs` who may touch
-//! whom; `pairs.rs` and `plane.rs` the two kinds of contact.
+//! mass. The files: `response.rs` the formulas; `grid.rs`, `joints.rs`, `candidates.rs` and `list.rs` who may
+//! touch whom; `regions.rs` what can be solved at the same time; `pairs.rs` and `plane.rs` the two kinds of
+//! contact.
 
 mod bodies;
 mod candidates;
 mod grid;
 mod joints;
+mod list;
 mod pairs;
 mod plane;
+mod regions;
 mod response;
 
 use bevy::math::{Vec3, Vec3A};
@@ -21,7 +24,7 @@ use super::particles::Particles;
 use super::springs::Springs;
 use bodies::Body;
 use candidates::Candidates;
-use pairs::PairContact;
+use pairs::PairContacts;
 pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
@@ -82,9 +85,7 @@ pub struct Contacts {
     /// The contacts of all substeps of the last tick, if they are recorded.
     pub records: Vec<ContactRecord>,
     candidates: Candidates,
-    pair_contacts: Vec<PairContact>,
-    /// The pair contacts of the substep before.
-    last_contacts: Vec<PairContact>,
+    pair_contacts: PairContacts,
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
     bodies: Vec<Body>,
@@ -95,7 +96,11 @@ pub struct Contacts {
 impl Contacts {
     /// Touching pairs at the end of the last substep: of particles and of particles with planes.
     pub fn count(&self) -> usize {
-        self.pair_contacts.len() + self.plane_contacts.len()
+        self.pair_count() + self.plane_contacts.len()
+    }
+
+    fn pair_count(&self) -> usize {
+        self.candidates.groups().contacts()
     }
 
     /// Forgets all impulses and candidates, as if the simulation had just started.
@@ -149,7 +154,7 @@ impl Contacts {
         self.solve_velocities(rules, gravity * substep, settings.scheme.displacement_share() * substep);
         self.hold_jammed(gravity * substep);
         self.solve_positions(rules, substep);
-        bodies::write_back(&self.bodies, particles);
+        bodies::write_back(&self.bodies, particles, self.candidates.regions());
         if self.recording {
             self.record(particles);
         }
@@ -171,61 +176,60 @@ impl Contacts {
             slop: settings.gravity.length() * substep * substep,
             velocity_lag: settings.scheme.velocity_lag(),
         };
-        self.plane_contacts.clear();
-        self.surfaces.clear();
-        if settings.collide_with_planes {
-            for (index, plane) in self.planes.iter().enumerate() {
-                let surface = plane.surface(elapsed, settings.time_step);
-                plane::find(index, &surface, particles, rebound, &mut self.plane_contacts);
-                self.surfaces.push(surface);
-            }
-        }
-        std::mem::swap(&mut self.pair_contacts, &mut self.last_contacts);
-        self.pair_contacts.clear();
         let up = -settings.gravity.normalize_or_zero();
         if settings.pair_rules.is_some() {
             self.candidates.refresh(particles, springs, &self.previous, up, settings.time_step);
+        } else {
+            self.candidates.disband(particles.len());
         }
-        let any_pairs = settings.pair_rules.is_some() && !self.candidates.is_empty();
+        self.plane_contacts.clear();
+        self.surfaces.clear();
+        if settings.collide_with_planes {
+            let body_of = &self.candidates.regions().body_of;
+            for (index, plane) in self.planes.iter().enumerate() {
+                let surface = plane.surface(elapsed, settings.time_step);
+                plane::find(index, &surface, particles, rebound, body_of, &mut self.plane_contacts);
+                self.surfaces.push(surface);
+            }
+        }
+        let any_pairs = !self.candidates.is_empty();
         if any_pairs || !self.plane_contacts.is_empty() {
-            bodies::fill(&mut self.bodies, particles, &self.previous);
+            bodies::fill(&mut self.bodies, particles, &self.previous, self.candidates.regions());
         }
         if any_pairs {
             let up = Vec3A::from(up);
             for contact in &self.plane_contacts {
-                let body = &mut self.bodies[contact.slot];
+                let body = &mut self.bodies[contact.body];
                 body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
                 body.holds += 1;
             }
-            let Self { candidates, bodies, pair_contacts, last_contacts, .. } = self;
-            pairs::find(
-                candidates,
-                bodies,
-                &particles.acceleration,
-                rebound,
-                up,
-                last_contacts,
-                pair_contacts,
-            );
+            let Self { candidates, bodies, pair_contacts, .. } = self;
+            pairs::find(candidates, bodies, &particles.acceleration, rebound, up, pair_contacts);
         }
     }
 
     fn solve_velocities(&mut self, rules: PairRules, resting_speed: f32, reach: f32) {
-        if !self.pair_contacts.is_empty() {
+        let pairs = self.pair_count() > 0;
+        if pairs {
             let tolerance = SETTLED_ERROR * resting_speed;
-            pairs::warm_start(&mut self.pair_contacts, &mut self.bodies, reach);
+            let Self { pair_contacts, candidates, bodies, .. } = self;
+            pairs::warm_start(pair_contacts, candidates.groups_mut(), bodies, reach);
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
                 self.solve_plane_velocities();
-                let Self { pair_contacts, bodies, .. } = self;
-                if !pairs::solve_velocities(pair_contacts, rules, bodies, reach, tolerance) {
+                let Self { pair_contacts, candidates, bodies, .. } = self;
+                let groups = candidates.groups_mut();
+                if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, reach, tolerance) {
                     break;
                 }
             }
         }
         self.solve_plane_velocities();
-        pairs::stop_sinking(&self.pair_contacts, &mut self.bodies);
+        if pairs {
+            let Self { pair_contacts, candidates, bodies, .. } = self;
+            pairs::stop_sinking(pair_contacts, candidates.groups_mut(), bodies);
+        }
     }
 
     fn solve_plane_velocities(&mut self) {
@@ -238,22 +242,22 @@ impl Contacts {
     /// is slower than what gravity gives in a substep: it is jammed. Without it a pile would simmer at
     /// that speed for ever, as the corrections of its overlaps stir it.
     fn hold_jammed(&mut self, resting_speed: f32) {
-        if self.pair_contacts.is_empty() {
+        if self.pair_count() == 0 {
             return;
         }
-        for body in &mut self.bodies {
+        bodies::for_each(&mut self.bodies, self.candidates.regions(), |body| {
             let held = body.holds >= JAMMING_CONTACTS && body.supported && body.inverse_mass > 0.0;
             if held && body.velocity.length_squared() < resting_speed * resting_speed {
                 body.velocity = Vec3A::ZERO;
                 body.position = body.previous;
             }
-        }
+        });
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, surfaces, bodies, .. } = self;
+        let Self { pair_contacts, plane_contacts, candidates, surfaces, bodies, .. } = self;
         for _ in 0..POSITION_ROUNDS {
-            pairs::solve_positions(pair_contacts, rules, bodies);
+            pairs::solve_positions(pair_contacts, candidates.groups_mut(), rules, bodies);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
@@ -271,21 +275,26 @@ impl Contacts {
                 impulse: contact.impulse,
             });
         }
-        for contact in &self.pair_contacts {
-            // The same way round whoever is the upper one, as that may change within a tick.
-            let (slot, other, normal) = if contact.first() < contact.second() {
-                (contact.first(), contact.second(), contact.normal)
-            } else {
-                (contact.second(), contact.first(), -contact.normal)
-            };
-            let normal = Vec3::from(normal);
-            self.records.push(ContactRecord {
-                slot,
-                other: ContactPartner::Particle(other),
-                point: particles.position.get(slot) - normal * particles.radius[slot],
-                normal,
-                impulse: contact.impulses.normal,
-            });
+        let slot_of = &self.candidates.regions().slot_of;
+        for group in self.candidates.groups().iter() {
+            let slot = |place: usize| slot_of[group.bodies.start + place] as usize;
+            for contact in self.pair_contacts.of(group) {
+                let (first, second) = (slot(contact.first()), slot(contact.second()));
+                // The same way round whoever is the upper one, as that may change within a tick.
+                let (slot, other, normal) = if first < second {
+                    (first, second, contact.normal)
+                } else {
+                    (second, first, -contact.normal)
+                };
+                let normal = Vec3::from(normal);
+                self.records.push(ContactRecord {
+                    slot,
+                    other: ContactPartner::Particle(other),
+                    point: particles.position.get(slot) - normal * particles.radius[slot],
+                    normal,
+                    impulse: contact.impulses.normal,
+                });
+            }
         }
     }
 }

@@ -12,12 +12,14 @@
 
 use bevy::math::Vec3A;
 
-use crate::solver::blocks;
 use crate::solver::particles::Vectors;
 
 use super::PairRules;
 use super::bodies::Body;
-use super::candidates::{Candidate, Candidates, Near, Past};
+use super::candidates::Candidates;
+use super::joints::Joints;
+use super::list::{Candidate, Past};
+use super::regions::{Group, Groups};
 use super::response::{Approach, Rebound, friction, shortened, tangential};
 
 /// The impulses that a contact has given.
@@ -30,8 +32,9 @@ pub(super) struct Impulses {
 }
 
 /// A pair that touches.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PairContact {
+    /// Their places among the bodies of the group.
     first: u32,
     second: u32,
     /// From the second to the first.
@@ -49,13 +52,13 @@ pub(super) struct PairContact {
 }
 
 impl PairContact {
-    /// The slot of the upper particle.
+    /// The upper particle's place among the bodies of the group.
     #[inline]
     pub fn first(&self) -> usize {
         self.first as usize
     }
 
-    /// The slot of the lower particle.
+    /// The lower particle's place among the bodies of the group.
     #[inline]
     pub fn second(&self) -> usize {
         self.second as usize
@@ -89,105 +92,203 @@ fn direction(separation: Vec3A, distance: f32) -> Vec3A {
     if distance == 0.0 { Vec3A::Y } else { separation / distance }
 }
 
-/// So many pairs are looked at as one part, and from so many parts on they are shared among threads.
-const BLOCK: usize = 4096;
-const WORTH_SHARING: usize = 4;
+/// So many pairs are looked at before the near ones among them are looked at closely.
+const BLOCK: usize = 256;
 
-/// Lists in `near` the places of the pairs that are at most `slop` m apart; the others have no past.
-fn look_near(pairs: &mut [Candidate], bodies: &[Body], slop: f32, near: &mut Near) {
-    near.places.resize(pairs.len(), 0);
-    near.counts.resize(pairs.len().div_ceil(BLOCK), 0);
-    let parallel = near.counts.len() >= WORTH_SHARING;
-    let parts = pairs.chunks_mut(BLOCK).zip(near.places.chunks_mut(BLOCK)).zip(&mut near.counts).enumerate();
-    blocks::for_each(parts, parallel, |(block, ((pairs, places), count))| {
-        // Without a branch: about half of the pairs are near, no processor could guess which.
-        *count = 0;
-        for (offset, pair) in pairs.iter_mut().enumerate() {
-            let (upper, lower) = (&bodies[pair.upper as usize], &bodies[pair.lower as usize]);
-            let most = upper.radius + lower.radius + slop;
-            let is_near = (upper.position - lower.position).length_squared() <= most * most;
-            places[*count] = (block * BLOCK + offset) as u32;
-            *count += usize::from(is_near);
-            pair.past = if is_near { pair.past } else { Past::Apart };
-        }
-    });
+/// The contacts, in the order of the candidates: each group has as much room as it has pairs.
+#[derive(Debug, Clone, Default)]
+pub(super) struct PairContacts {
+    room: Vec<PairContact>,
+    /// Those of the substep before.
+    last: Vec<PairContact>,
 }
 
-/// Finds the touching pairs among the candidates, from the bottom up, with the impulses that they had in
-/// `last`, the contacts of the substep before; and finds out who rests on whom.
+impl PairContacts {
+    /// Makes the contacts the last ones, and room for `pairs` new ones.
+    fn turn(&mut self, pairs: usize) {
+        std::mem::swap(&mut self.room, &mut self.last);
+        if self.room.len() < pairs {
+            self.room.resize(pairs, PairContact::default());
+        }
+    }
+
+    /// The contacts of a group.
+    pub fn of(&self, group: &Group) -> &[PairContact] {
+        &self.room[group.pairs.start..][..group.contacts]
+    }
+
+    /// Calls `work` for the contacts of each group.
+    fn for_each_group(
+        &mut self,
+        groups: &mut Groups,
+        bodies: &mut [Body],
+        work: impl Fn(&mut Group, &mut [PairContact], &mut [Body]) + Sync,
+    ) {
+        groups.for_each(&mut self.room[..], bodies, |group, room, bodies| {
+            let count = group.contacts;
+            work(group, &mut room[..count], bodies);
+        });
+    }
+}
+
+/// What all pairs are looked at with.
+struct Search<'a> {
+    slot_of: &'a [u32],
+    joints: &'a Joints,
+    acceleration: &'a Vectors,
+    rebound: Rebound,
+    up: Vec3A,
+    last: &'a [PairContact],
+}
+
+/// Finds the touching pairs among the candidates, in each group from the bottom up, with the impulses that
+/// they had in the substep before; and finds out who rests on whom.
 pub(super) fn find(
     candidates: &mut Candidates,
     bodies: &mut [Body],
     acceleration: &Vectors,
     rebound: Rebound,
     up: Vec3A,
-    last: &[PairContact],
-    found: &mut Vec<PairContact>,
+    contacts: &mut PairContacts,
 ) {
-    found.clear();
-    let (pairs, joints, near) = candidates.pairs();
-    look_near(pairs, bodies, rebound.slop, near);
-    let places = near.places.chunks(BLOCK).zip(&near.counts).flat_map(|(places, count)| &places[..*count]);
-    for place in places {
-        let candidate = &mut pairs[*place as usize];
-        let past = std::mem::replace(&mut candidate.past, Past::Apart);
-        let (first, second) = (candidate.upper as usize, candidate.lower as usize);
+    let (pairs, groups, regions, joints) = candidates.pairs();
+    contacts.turn(pairs.len());
+    let PairContacts { room, last } = contacts;
+    let search = Search { slot_of: &regions.slot_of, joints, acceleration, rebound, up, last };
+    groups.for_each((pairs, &mut room[..]), bodies, |group, (pairs, room), bodies| {
+        group.contacts = 0;
+        for pairs in pairs.chunks_mut(BLOCK) {
+            search.look_at(pairs, group.bodies.start, bodies, |contact| {
+                room[group.contacts] = contact;
+                group.contacts += 1;
+                Past::Contact((group.pairs.start + group.contacts - 1) as u32)
+            });
+        }
+    });
+}
+
+impl Search<'_> {
+    /// Finds the contacts among a few pairs of bodies that begin with the number `start`. `keep` takes each,
+    /// and tells what to remember of it.
+    fn look_at(
+        &self,
+        pairs: &mut [Candidate],
+        start: usize,
+        bodies: &mut [Body],
+        mut keep: impl FnMut(PairContact) -> Past,
+    ) {
+        // Without a branch: about half of the pairs are near, no processor could guess which.
+        let (mut near, mut count) = ([0; BLOCK], 0);
+        for (place, pair) in pairs.iter_mut().enumerate() {
+            let [first, second] = places(pair, start);
+            let (upper, lower) = (&bodies[first], &bodies[second]);
+            let most = upper.radius + lower.radius + self.rebound.slop;
+            let is_near = (upper.position - lower.position).length_squared() <= most * most;
+            near[count] = place as u16;
+            count += usize::from(is_near);
+            pair.past = if is_near { pair.past } else { Past::Apart };
+        }
+        for place in &near[..count] {
+            let pair = &mut pairs[*place as usize];
+            let ends = places(pair, start);
+            if pair.past == Past::Entangled && overlap(ends.map(|end| &bodies[end])) {
+                continue;
+            }
+            let impulses = match pair.past {
+                Past::Contact(place) => self.last[place as usize].impulses,
+                _ => Impulses::default(),
+            };
+            let contact = self.contact(ends, start, impulses, bodies);
+            pair.past = contact.map_or(Past::Apart, &mut keep);
+        }
+    }
+
+    /// The contact of two bodies, if they touch.
+    #[inline(always)]
+    fn contact(
+        &self,
+        [first, second]: [usize; 2],
+        start: usize,
+        impulses: Impulses,
+        bodies: &mut [Body],
+    ) -> Option<PairContact> {
+        let Self { joints, acceleration, rebound, up, .. } = self;
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
-        let squared = separation.length_squared();
-        if past == Past::Entangled && squared <= reach * reach {
-            candidate.past = Past::Entangled;
-            continue;
-        }
-        let distance = squared.sqrt();
+        let distance = separation.length();
         let normal = direction(separation, distance);
+        let slots = [first, second].map(|place| self.slot_of[place + start] as usize);
         let approach = Approach {
             velocity: (upper.velocity - lower.velocity).dot(normal),
-            acceleration: Vec3A::from(acceleration.get(first) - acceleration.get(second)).dot(normal),
+            acceleration: Vec3A::from(acceleration.get(slots[0]) - acceleration.get(slots[1])).dot(normal),
             depth: (reach - distance).max(0.0),
         };
         let target_velocity = rebound.least_velocity_after(approach);
         let resting = target_velocity == 0.0 && approach.velocity.abs() < 2.0 * rebound.resting_speed;
         if distance > reach && !resting {
-            continue;
+            return None;
         }
         let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
-        let supported = lower.supported && normal.dot(up) > STEEPEST_SUPPORT;
-        bodies[first].supported |= supported;
+        let supports = lower.supported && normal.dot(*up) > STEEPEST_SUPPORT;
+        bodies[first].supported |= supports;
         bodies[first].holds += u32::from(resting);
         bodies[second].holds += u32::from(resting);
-        candidate.past = Past::Contact(found.len() as u32);
-        found.push(PairContact {
-            first: candidate.upper,
-            second: candidate.lower,
+        Some(PairContact {
+            first: first as u32,
+            second: second as u32,
             normal,
             target_velocity,
             reduced_mass,
-            impulses: match past {
-                Past::Contact(index) => last[index as usize].impulses,
-                _ => Impulses::default(),
-            },
+            impulses,
             resting,
-            supports: supported,
-            sprung: joints.is_sprung(first) || joints.is_sprung(second),
-        });
+            supports,
+            sprung: slots.into_iter().any(|slot| joints.is_sprung(slot)),
+        })
     }
 }
 
+/// The upper and the lower one of a pair among the bodies that begin with the number `start`.
+#[inline(always)]
+fn places(pair: &Candidate, start: usize) -> [usize; 2] {
+    [pair.upper, pair.lower].map(|body| body as usize - start)
+}
+
+/// Whether two bodies overlap or touch.
+fn overlap([one, other]: [&Body; 2]) -> bool {
+    let reach = one.radius + other.radius;
+    (one.position - other.position).length_squared() <= reach * reach
+}
+
 /// Applies the impulses of the last substep.
-pub(super) fn warm_start(contacts: &mut [PairContact], bodies: &mut [Body], reach: f32) {
-    for contact in contacts {
-        // The normal has turned a little since: keep what is tangential to it now.
-        contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
-        let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-        contact.apply(impulse, contact.both(bodies), reach);
-    }
+pub(super) fn warm_start(contacts: &mut PairContacts, groups: &mut Groups, bodies: &mut [Body], reach: f32) {
+    contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
+        for contact in contacts {
+            // The normal has turned a little since: keep what is tangential to it now.
+            contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
+            let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
+            contact.apply(impulse, contact.both(bodies), reach);
+        }
+    });
 }
 
 /// One round over all contacts. Velocities along resting contacts are left alone up to `tolerance`, m/s.
 /// Returns whether any had to be corrected.
 pub(super) fn solve_velocities(
+    contacts: &mut PairContacts,
+    groups: &mut Groups,
+    rules: PairRules,
+    bodies: &mut [Body],
+    reach: f32,
+    tolerance: f32,
+) -> bool {
+    contacts.for_each_group(groups, bodies, |group, contacts, bodies| {
+        group.corrected = correct_velocities(contacts, rules, bodies, reach, tolerance);
+    });
+    groups.were_corrected()
+}
+
+fn correct_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
     bodies: &mut [Body],
@@ -235,7 +336,16 @@ const SPRUNG_CORRECTION: f32 = 0.01;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction takes both back to
 /// where they stuck.
-pub(super) fn solve_positions(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
+pub(super) fn solve_positions(
+    contacts: &mut PairContacts,
+    groups: &mut Groups,
+    rules: PairRules,
+    bodies: &mut [Body],
+) {
+    contacts.for_each_group(groups, bodies, |_, contacts, bodies| separate(contacts, rules, bodies));
+}
+
+fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
     for contact in contacts {
         let [first, second] = contact.both(bodies);
         let reach = first.radius + second.radius;
@@ -269,12 +379,14 @@ pub(super) fn solve_positions(contacts: &[PairContact], rules: PairRules, bodies
 const STEEPEST_SUPPORT: f32 = 0.2;
 
 /// Stops what still sinks onto something supported.
-pub(super) fn stop_sinking(contacts: &[PairContact], bodies: &mut [Body]) {
-    for contact in contacts.iter().filter(|contact| contact.supports) {
-        let [upper, lower] = contact.both(bodies);
-        let approach = (upper.velocity - lower.velocity).dot(contact.normal);
-        if approach < 0.0 && upper.inverse_mass > 0.0 {
-            upper.velocity -= contact.normal * approach;
+pub(super) fn stop_sinking(contacts: &mut PairContacts, groups: &mut Groups, bodies: &mut [Body]) {
+    contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
+        for contact in contacts.iter().filter(|contact| contact.supports) {
+            let [upper, lower] = contact.both(bodies);
+            let approach = (upper.velocity - lower.velocity).dot(contact.normal);
+            if approach < 0.0 && upper.inverse_mass > 0.0 {
+                upper.velocity -= contact.normal * approach;
+            }
         }
-    }
+    });
 }

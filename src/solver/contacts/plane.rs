@@ -90,6 +90,8 @@ impl Surface {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlaneContact {
     pub slot: usize,
+    /// The particle among the bodies.
+    pub body: usize,
     pub plane: usize,
     surface_velocity: Vec3A,
     target_velocity: f32,
@@ -106,6 +108,7 @@ pub(super) fn find(
     surface: &Surface,
     particles: &Particles,
     rebound: Rebound,
+    body_of: &[u32],
     found: &mut Vec<PlaneContact>,
 ) {
     let rebound = Rebound { restitution: surface.restitution, ..rebound };
@@ -131,14 +134,15 @@ pub(super) fn find(
                 depth: surface.depth(position, particles.radius[slot]).max(0.0),
             };
             let target_velocity = rebound.least_velocity_after(approach);
-            found.push(PlaneContact { slot, plane, surface_velocity, target_velocity, impulse: 0.0 });
+            let body = body_of[slot] as usize;
+            found.push(PlaneContact { slot, body, plane, surface_velocity, target_velocity, impulse: 0.0 });
         }
     }
 }
 
 /// Gives the particle its velocity after the contact, unless it has left already, and rubs it.
 pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodies: &mut [Body]) {
-    let body = &mut bodies[contact.slot];
+    let body = &mut bodies[contact.body];
     let relative = body.velocity - contact.surface_velocity;
     let change = contact.target_velocity - relative.dot(surface.normal);
     if change <= 0.0 {
@@ -151,7 +155,7 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
 
 /// Puts the particle back onto the surface; static friction takes it back to where it stuck.
 pub(super) fn solve_position(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], substep: f32) {
-    let body = &mut bodies[contact.slot];
+    let body = &mut bodies[contact.body];
     let depth = surface.depth(body.position, body.radius);
     if depth <= 0.0 {
         return;
