@@ -125,6 +125,7 @@ pub fn step(state: &mut SolverState, settings: &StepSettings) {
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
     state.contacts.begin_tick(settings);
+    integrators::begin_tick(state, settings);
     if settings.stiff_substeps > 0 {
         mixture::begin_tick(state);
     }
