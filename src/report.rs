@@ -47,7 +47,8 @@ impl TickReport {
         match stiff_substeps {
             0 => format!("{integrator} × {substeps}"),
             _ => {
-                let (implicit, plural) = (Integrator::ImplicitEuler, if *stiff_springs == 1 { "" } else { "s" });
+                let (implicit, plural) =
+                    (Integrator::ImplicitEuler, if *stiff_springs == 1 { "" } else { "s" });
                 format!(
                     "{integrator} × {substeps}, {implicit} × {stiff_substeps} on {stiff_springs} spring{plural}"
                 )

