@@ -1,7 +1,8 @@
 //! The connected components of a net, and which of them are stiff.
 
 use super::super::integrators::Scheme;
-use super::{FrequencyBounds, Tally, rates};
+use super::FrequencyBounds;
+use super::tally::{Tally, rates};
 
 /// What a tick runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
