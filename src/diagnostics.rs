@@ -64,6 +64,10 @@ impl MassSpringDiagnosticsPlugin {
     pub const MAX_STRETCH: DiagnosticPath = DiagnosticPath::const_new("mass_spring/max_stretch");
     /// Substeps of the tick.
     pub const SUBSTEPS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/substeps");
+    /// Steps of implicit Euler for the stiff parts of the net, where `Auto` took them apart.
+    pub const STIFF_SUBSTEPS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/stiff_substeps");
+    /// Springs in those parts.
+    pub const STIFF_SPRINGS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/stiff_springs");
     /// Touching pairs.
     pub const CONTACTS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/contacts");
     /// Wall time of the gather stage, ms.
@@ -73,7 +77,7 @@ impl MassSpringDiagnosticsPlugin {
     /// Wall time of the scatter stage, ms.
     pub const SCATTER_TIME: DiagnosticPath = DiagnosticPath::const_new("mass_spring/scatter_time");
 
-    const UNITS: [(DiagnosticPath, &'static str); 12] = [
+    const UNITS: [(DiagnosticPath, &'static str); 14] = [
         (Self::KINETIC_ENERGY, "J"),
         (Self::ELASTIC_ENERGY, "J"),
         (Self::GRAVITATIONAL_ENERGY, "J"),
@@ -82,6 +86,8 @@ impl MassSpringDiagnosticsPlugin {
         (Self::MAX_SPEED, "m/s"),
         (Self::MAX_STRETCH, ""),
         (Self::SUBSTEPS, ""),
+        (Self::STIFF_SUBSTEPS, ""),
+        (Self::STIFF_SPRINGS, ""),
         (Self::CONTACTS, ""),
         (Self::GATHER_TIME, "ms"),
         (Self::STEP_TIME, "ms"),
@@ -110,6 +116,8 @@ fn record_diagnostics(measurements: Res<Measurements>, report: Res<TickReport>, 
     store.add_measurement(&Paths::MAX_SPEED, || measurements.max_speed);
     store.add_measurement(&Paths::MAX_STRETCH, || measurements.max_stretch);
     store.add_measurement(&Paths::SUBSTEPS, || f64::from(report.substeps));
+    store.add_measurement(&Paths::STIFF_SUBSTEPS, || f64::from(report.stiff_substeps));
+    store.add_measurement(&Paths::STIFF_SPRINGS, || report.stiff_springs as f64);
     store.add_measurement(&Paths::CONTACTS, || report.contacts as f64);
     store.add_measurement(&Paths::GATHER_TIME, || milliseconds(report.gather_time));
     store.add_measurement(&Paths::STEP_TIME, || milliseconds(report.step_time));

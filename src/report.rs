@@ -13,10 +13,16 @@ use crate::settings::Integrator;
 pub struct TickReport {
     /// Ticks that have run since the app started or the initial state was restored.
     pub tick: u64,
-    /// The scheme that ran; never [`Integrator::Auto`] once a tick has run.
+    /// The scheme that ran; never [`Integrator::Auto`] once a tick has run. Where `Auto` took some parts of
+    /// the net by implicit Euler, that of the others.
     pub integrator: Integrator,
     /// The number of substeps that ran.
     pub substeps: u32,
+    /// The number of steps of implicit Euler beside those substeps, for the stiff parts of the net; 0 where
+    /// one scheme advanced all.
+    pub stiff_substeps: u32,
+    /// The springs in those parts.
+    pub stiff_springs: usize,
     /// Particles in the simulation.
     pub particles: usize,
     /// Springs in the simulation.
@@ -32,6 +38,23 @@ pub struct TickReport {
     pub step_time: Duration,
     /// Wall time of copying the solver's state back into the components.
     pub scatter_time: Duration,
+}
+
+impl TickReport {
+    /// What ran, in words: `VelocityVerlet × 8`, or `VelocityVerlet × 8, ImplicitEuler × 2 on 120 springs`.
+    pub fn schemes(&self) -> String {
+        let Self { integrator, substeps, stiff_substeps, stiff_springs, .. } = self;
+        match stiff_substeps {
+            0 => format!("{integrator} × {substeps}"),
+            _ => {
+                let (implicit, plural) =
+                    (Integrator::ImplicitEuler, if *stiff_springs == 1 { "" } else { "s" });
+                format!(
+                    "{integrator} × {substeps}, {implicit} × {stiff_substeps} on {stiff_springs} spring{plural}"
+                )
+            }
+        }
+    }
 }
 
 /// A particle's state became non-finite and it was [quarantined](crate::particle::Quarantined).

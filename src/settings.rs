@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 
 use crate::solver::Scheme;
-use crate::solver::stability::FrequencyBounds;
+use crate::solver::stability::{Choice, Components, FrequencyBounds};
 
 /// How a tick is integrated.
 ///
@@ -30,6 +30,25 @@ impl SolverSettings {
             (None, Substeps::Auto) => bounds.cheapest(time_step, 1),
         }
     }
+
+    /// What these settings mean for a net within `bounds` when each of its components may go its own way:
+    /// [`Integrator::Auto`] then takes those that are stiff by implicit Euler, and the others by velocity
+    /// Verlet. It asks for the `components` only where they may differ.
+    pub fn choose_by_component<'a>(
+        &self,
+        bounds: &FrequencyBounds,
+        time_step: f32,
+        components: impl FnOnce() -> &'a mut Components,
+    ) -> Choice {
+        let least = match self.substeps {
+            Substeps::Auto => 1,
+            Substeps::Fixed(count) => count.max(1),
+        };
+        if self.integrator == Integrator::Auto && bounds.may_divide(time_step, least) {
+            return components().choose(bounds, time_step, least);
+        }
+        self.choose(bounds, time_step).into()
+    }
 }
 
 /// An integration scheme: how positions and velocities follow from accelerations.
@@ -37,10 +56,13 @@ impl SolverSettings {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq, Hash)]
 pub enum Integrator {
-    /// Stable for every stiffness, mass ratio and time step, at the least cost. Chosen at each tick from the
-    /// springs and masses: [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability
-    /// bound asks for, or, where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). Without
-    /// springs [`SemiImplicitEuler`](Self::SemiImplicitEuler).
+    /// Stable for every stiffness, mass ratio and time step, at the least cost. Chosen at each tick, for each
+    /// part of the net that springs connect, from the springs and masses:
+    /// [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability bound asks for, or,
+    /// where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). So a stiff rope takes nothing
+    /// from the motion of a soft cloth beside it. Pinned particles connect nothing; particles without
+    /// springs go with the explicit part. Where nothing has springs, it is
+    /// [`SemiImplicitEuler`](Self::SemiImplicitEuler).
     #[default]
     Auto,
     /// x += h v, then v += h a(old state). First order; gains energy, and explodes if undamped.

@@ -167,6 +167,9 @@ fn large_scene(app: &mut App) -> Vec<Entity> {
 
 const LARGE_TICKS: u32 = 60;
 
+/// Ticks beside a stiff rope, where `Auto` runs two schemes, and as many of position-based dynamics.
+const OTHER_TICKS: u32 = 10;
+
 const THREADS: &str = "MASS_SPRING_TEST_THREADS";
 
 /// Not a test but the child process of the next one: task pools are made once in a process.
@@ -186,7 +189,13 @@ fn child_prints_its_history() {
     println!("threads {}", ComputeTaskPool::get().thread_num());
     let mut all = scene(&mut app, 20, |_| {});
     all.extend(large_scene(&mut app));
-    for hash in history(&mut app, &all, LARGE_TICKS) {
+    let mut hashes = history(&mut app, &all, LARGE_TICKS);
+    all.extend(spawn_rope(&mut app, Vec3::Y * 20.0, 12, 0.05, |spring| spring.with_stiffness(1e9)));
+    hashes.extend(history(&mut app, &all, OTHER_TICKS));
+    assert!(report(&app).stiff_substeps > 0, "{}", report(&app).schemes());
+    app.insert_resource(common::scheme(Integrator::Xpbd, 4));
+    hashes.extend(history(&mut app, &all, OTHER_TICKS));
+    for hash in hashes {
         println!("hash {hash}");
     }
     println!("hash {}", crowd());
@@ -244,7 +253,7 @@ fn history_on(threads: usize) -> Vec<u64> {
 #[test]
 fn the_number_of_threads_does_not_matter() {
     let one = history_on(1);
-    assert_eq!(one.len(), LARGE_TICKS as usize + 1);
+    assert_eq!(one.len(), (LARGE_TICKS + 2 * OTHER_TICKS) as usize + 1);
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads), &format!("the run on {threads} threads"));
     }

@@ -39,7 +39,7 @@ pub fn run(scene: &MassSpringScene, seconds: f64) -> ExitCode {
     let measured = app.world().resource::<Measurements>();
     println!("{} particles, {} springs, {} contacts", report.particles, report.springs, report.contacts);
     println!("{ticks} ticks of {:.3} ms: {:.3} s simulated", step * 1e3, ticks as f64 * step);
-    println!("{} with {} substeps, {cost:.4} ms a tick", report.integrator, report.substeps);
+    println!("{}, {cost:.4} ms a tick", report.schemes());
     println!(
         "energy: kinetic {} J, elastic {} J, gravitational {} J",
         number(measured.kinetic_energy),

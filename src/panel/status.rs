@@ -50,14 +50,14 @@ pub(super) fn draw_cost(
 ) {
     ui.separator();
     let (particles, springs) = (particles.iter().len(), springs.iter().len());
-    let TickReport { contacts, integrator, substeps, faults, .. } = &*report;
+    let TickReport { contacts, faults, .. } = &*report;
     let cost = history.mean_cost();
     let total = format!("{:.3}", cost[0] + cost[1] + cost[2]);
     let [gather, step, scatter] = cost.map(|milliseconds| format!("{milliseconds:.3}"));
     let speed = number(measurements.max_speed);
     let lines = [
         format!("{particles} particles, {springs} springs, {contacts} contacts"),
-        format!("{integrator} × {substeps}, fastest {speed} m/s"),
+        format!("{}, fastest {speed} m/s", report.schemes()),
         format!("tick {total} ms = gather {gather} + step {step} + scatter {scatter}"),
     ];
     for line in lines {

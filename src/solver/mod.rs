@@ -34,6 +34,7 @@ pub mod energy;
 pub mod forces;
 pub mod integrators;
 mod kernel;
+mod mixture;
 pub mod ordering;
 pub mod particles;
 pub mod springs;
@@ -55,9 +56,13 @@ pub struct SolverState {
     pub springs: Springs,
     /// Where each pinned particle goes in this tick.
     pub pinned: Vec<PinnedMotion>,
+    /// Slots of the free particles that implicit Euler advances, if
+    /// [`stiff_substeps`](StepSettings::stiff_substeps) > 0. No spring joins them with other free ones.
+    pub stiff: Vec<usize>,
     /// Planes, touching pairs and what is remembered of them.
     pub contacts: Contacts,
     scratch: integrators::Scratch,
+    mixture: mixture::Mixture,
 }
 
 /// The prescribed motion of a pinned particle in one tick: a straight line at constant velocity.
@@ -78,6 +83,10 @@ pub struct StepSettings {
     pub scheme: Scheme,
     /// Number of equal substeps, >= 1. Default 1.
     pub substeps: u32,
+    /// Number of equal steps that implicit Euler takes with the particles of [`SolverState::stiff`], while
+    /// `scheme` advances the others; `substeps` is a multiple of it, or counts as the next one. 0, the
+    /// default: `scheme` advances all.
+    pub stiff_substeps: u32,
     /// Duration of the whole tick in s, > 0. Default 1/60.
     pub time_step: f32,
     /// Acceleration of gravity, m/s². Default 0.
@@ -95,6 +104,7 @@ impl Default for StepSettings {
         Self {
             scheme: Scheme::SemiImplicitEuler,
             substeps: 1,
+            stiff_substeps: 0,
             time_step: 1.0 / 60.0,
             gravity: Vec3::ZERO,
             viscosity: 0.0,
@@ -108,16 +118,24 @@ impl Default for StepSettings {
 ///
 /// Never panics on values: what overflows becomes non-finite, and is the caller's to find.
 pub fn step(state: &mut SolverState, settings: &StepSettings) {
-    let substeps = settings.substeps.max(1);
+    let substeps = settings.substeps.max(1).next_multiple_of(settings.stiff_substeps.max(1));
     let substep = settings.time_step / substeps as f32;
     for motion in &state.pinned {
         state.particles.position.set(motion.slot, motion.start);
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
     state.contacts.begin_tick(settings);
+    integrators::begin_tick(state, settings);
+    if settings.stiff_substeps > 0 {
+        mixture::begin_tick(state);
+    }
     for index in 0..substeps {
         state.contacts.begin_substep(&state.particles, settings);
-        integrators::advance(state, settings, substep);
+        if settings.stiff_substeps > 0 {
+            mixture::advance(state, settings, [index, substeps], substep);
+        } else {
+            integrators::advance(state, settings, substep);
+        }
         let elapsed = if index + 1 == substeps { 1.0 } else { (index + 1) as f32 / substeps as f32 };
         move_pinned(state, elapsed);
         state.contacts.resolve(&mut state.particles, &state.springs, settings, substep, elapsed);

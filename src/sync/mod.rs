@@ -29,7 +29,7 @@ use bevy::prelude::*;
 use crate::MassSpringSystems;
 use crate::particle::{Particle, Quarantined};
 use crate::solver::SolverState;
-use crate::solver::stability::FrequencyBounds;
+use crate::solver::stability::{Components, FrequencyBounds};
 use crate::spring::Spring;
 
 pub(crate) use restore::{restore_initial_state, take_initial_state};
@@ -40,6 +40,8 @@ use roster::Slot;
 pub(crate) struct Simulation {
     state: SolverState,
     bounds: FrequencyBounds,
+    /// The parts of the net, once somebody has asked for them since `bounds` were computed.
+    components: Option<Components>,
     /// A mass, a spring or the viscosity has changed since `bounds` were computed.
     bounds_are_stale: bool,
 }

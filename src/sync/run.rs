@@ -9,8 +9,8 @@ use crate::diagnostics::Measurements;
 use crate::environment::Environment;
 use crate::report::TickReport;
 use crate::settings::{SolverSettings, Substeps};
-use crate::solver::stability::{FrequencyBounds, MAX_SUBSTEPS};
-use crate::solver::{PairRules, StepSettings, energy, step};
+use crate::solver::stability::{Choice, Components, FrequencyBounds, MAX_SUBSTEPS};
+use crate::solver::{PairRules, Springs, StepSettings, energy, step};
 
 use super::Simulation;
 use super::gather::Gathered;
@@ -28,12 +28,14 @@ pub(super) fn run_step(
 ) {
     let start = Instant::now();
     let simulation = &mut *simulation;
-    let settings = planner.plan(simulation);
+    let (settings, stiff_springs) = planner.plan(simulation);
     simulation.state.contacts.recording = contacts.is_some();
     step(&mut simulation.state, &settings);
     report.tick += 1;
     report.integrator = settings.scheme.into();
     report.substeps = settings.substeps;
+    report.stiff_substeps = settings.stiff_substeps;
+    report.stiff_springs = stiff_springs;
     report.particles = index.particles.live();
     report.springs = index.springs.live();
     report.contacts = simulation.state.contacts.count();
@@ -71,8 +73,8 @@ pub(super) struct Planner<'w, 's> {
 }
 
 impl Planner<'_, '_> {
-    /// The settings of this tick.
-    fn plan(&mut self, simulation: &mut Simulation) -> StepSettings {
+    /// The settings of this tick, and the number of springs that are stiff in it.
+    fn plan(&mut self, simulation: &mut Simulation) -> (StepSettings, usize) {
         let mut complaints = Vec::new();
         let settings = self.resolve(simulation, &mut complaints);
         let complaint = (!complaints.is_empty()).then(|| complaints.join("; "));
@@ -85,7 +87,11 @@ impl Planner<'_, '_> {
         settings
     }
 
-    fn resolve(&mut self, simulation: &mut Simulation, complaints: &mut Vec<String>) -> StepSettings {
+    fn resolve(
+        &mut self,
+        simulation: &mut Simulation,
+        complaints: &mut Vec<String>,
+    ) -> (StepSettings, usize) {
         let mut environment = *self.environment;
         if let Err(problem) = environment.validate() {
             complaints.push(format!("Environment: {problem}; neither gravity nor viscosity acts"));
@@ -99,16 +105,19 @@ impl Planner<'_, '_> {
         }
         let viscosity = environment.effective_viscosity();
         if simulation.bounds_are_stale || *self.planned_viscosity != viscosity {
-            simulation.bounds = bounds_of(simulation, viscosity);
+            let Simulation { state, bounds, components, .. } = simulation;
+            *bounds = FrequencyBounds::of(&state.particles.inverse_mass, listed(&state.springs), viscosity);
+            *components = None;
             simulation.bounds_are_stale = false;
             *self.planned_viscosity = viscosity;
         }
         let time_step = self.time.delta_secs();
-        let (scheme, substeps) = self.solver.choose(&simulation.bounds, time_step);
-        complaints.extend(self.substeps_complaint(&simulation.bounds, substeps));
-        StepSettings {
-            scheme,
-            substeps,
+        let choice = self.choose(simulation, time_step, viscosity);
+        complaints.extend(self.substeps_complaint(&simulation.bounds, choice.substeps));
+        let settings = StepSettings {
+            scheme: choice.scheme,
+            substeps: choice.substeps,
+            stiff_substeps: choice.stiff_substeps,
             time_step,
             gravity: environment.effective_gravity(),
             viscosity,
@@ -116,7 +125,22 @@ impl Planner<'_, '_> {
             pair_rules: collisions
                 .particles
                 .then_some(PairRules { restitution: collisions.restitution, friction: collisions.friction }),
+        };
+        (settings, choice.stiff_springs)
+    }
+
+    /// Chooses schemes and substeps, and says to the solver who is stiff.
+    fn choose(&self, simulation: &mut Simulation, time_step: f32, viscosity: f32) -> Choice {
+        let Simulation { state, bounds, components, .. } = simulation;
+        let inverse_mass = &state.particles.inverse_mass;
+        let find = || Components::of(inverse_mass, listed(&state.springs), viscosity);
+        let choice =
+            self.solver.choose_by_component(bounds, time_step, || components.get_or_insert_with(find));
+        state.stiff.clear();
+        if let Some(components) = components.as_ref().filter(|_| choice.stiff_substeps > 0) {
+            state.stiff.extend(components.stiff_slots());
         }
+        choice
     }
 
     /// What is wrong with the number of substeps.
@@ -135,11 +159,10 @@ impl Planner<'_, '_> {
     }
 }
 
-fn bounds_of(simulation: &Simulation, viscosity: f32) -> FrequencyBounds {
-    let springs = &simulation.state.springs;
-    let listed = (0..springs.len()).map(|spring| {
+/// The springs as [`FrequencyBounds`] want them.
+fn listed(springs: &Springs) -> impl Iterator<Item = (usize, usize, f32, f32)> + Clone {
+    (0..springs.len()).map(|spring| {
         let (first, second) = springs.ends(spring);
         (first, second, springs.stiffness()[spring], springs.damping()[spring])
-    });
-    FrequencyBounds::of(&simulation.state.particles.inverse_mass, listed, viscosity)
+    })
 }

@@ -187,3 +187,28 @@ this scene would run    RungeKutta4, 3 substeps a tick
 ";
     assert_eq!(String::from_utf8(output.stdout).unwrap(), expected);
 }
+
+/// A soft pendulum and a stiff one: each by its own scheme. The summary names that of the soft part, and its
+/// substeps.
+#[test]
+fn what_runs_in_a_mixture_is_said() {
+    let place = Workplace::with_scene(
+        "(
+            particles: [
+                (position: (0, 3, 0), mass: 1, pinned: true),
+                (position: (0, 2, 0), mass: 1),
+                (position: (0, 4, 0), mass: 1),
+            ],
+            springs: [(particles: (0, 1), stiffness: 100), (particles: (0, 2), stiffness: 1e12)],
+        )",
+    );
+    let output = place.command(&["check", "a.scene.ron"]).output().unwrap();
+    assert_eq!(status(&output), 0, "{}", errors(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let expected = "VelocityVerlet, 4 substeps a tick; ImplicitEuler, 4 substeps a tick on 1 spring\n";
+    for line in ["Auto would choose       ", "this scene would run    "] {
+        assert!(text.contains(&format!("{line}{expected}")), "{text}");
+    }
+    let summary = place.summary(&["--ticks", "2"]);
+    assert_eq!((&summary["integrator"], &summary["substeps"]), (&"VelocityVerlet".into(), &4.into()));
+}

@@ -5,12 +5,13 @@ use std::fmt::{self, Write};
 use std::process::ExitCode;
 
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
+use bevy_mass_spring::solver::stability::Choice;
 use bevy_mass_spring::{Integrator, Substeps};
 
 use crate::Failure;
 use crate::arguments::{CheckArguments, read_scene};
 use crate::output;
-use crate::plan::{Plan, bounds, plan, warnings};
+use crate::plan::{bounds, plan, warnings};
 
 pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let scene = read_scene(&arguments.scene)?;
@@ -43,8 +44,8 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
     }
     let solver = SceneSolver { integrator: Integrator::Auto, substeps: Substeps::Auto, ..scene.solver };
     let automatic = MassSpringScene { solver, ..scene.clone() };
-    writeln!(text, "Auto would choose       {}", plan(&automatic, &bounds))?;
-    writeln!(text, "this scene would run    {}", plan(scene, &bounds))?;
+    writeln!(text, "Auto would choose       {}", in_words(plan(&automatic, &bounds)))?;
+    writeln!(text, "this scene would run    {}", in_words(plan(scene, &bounds)))?;
     for warning in warnings(scene, &bounds) {
         writeln!(text, "warning: {warning}")?;
     }
@@ -60,11 +61,20 @@ fn significant(number: f64) -> String {
     format!("{number:.*}", (4 - digits_before_point).max(0) as usize)
 }
 
-impl fmt::Display for Plan {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plural = if self.substeps == 1 { "" } else { "s" };
-        write!(formatter, "{}, {} substep{plural} a tick", self.integrator, self.substeps)
+/// Schemes and substeps: `VelocityVerlet, 8 substeps a tick; ImplicitEuler, 2 substeps a tick on 120 springs`.
+fn in_words(choice: Choice) -> String {
+    let Choice { scheme, substeps, stiff_substeps, stiff_springs } = choice;
+    let words = |integrator: Integrator, substeps: u32| {
+        let plural = if substeps == 1 { "" } else { "s" };
+        format!("{integrator}, {substeps} substep{plural} a tick")
+    };
+    let mut text = words(scheme.into(), substeps);
+    if stiff_substeps > 0 {
+        let implicit = words(Integrator::ImplicitEuler, stiff_substeps);
+        let plural = if stiff_springs == 1 { "" } else { "s" };
+        text += &format!("; {implicit} on {stiff_springs} spring{plural}");
     }
+    text
 }
 
 #[cfg(test)]

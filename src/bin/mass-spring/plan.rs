@@ -1,35 +1,34 @@
 //! How a scene would be simulated, known before any tick has run.
 
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
-use bevy_mass_spring::solver::stability::{FrequencyBounds, MAX_SUBSTEPS};
+use bevy_mass_spring::solver::stability::{Choice, Components, FrequencyBounds, MAX_SUBSTEPS};
 use bevy_mass_spring::{Integrator, SolverSettings, Substeps};
-
-/// The scheme and the number of substeps of a tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Plan {
-    pub integrator: Integrator,
-    pub substeps: u32,
-}
 
 /// Bounds on the frequencies of the scene.
 pub fn bounds(scene: &MassSpringScene) -> FrequencyBounds {
-    let inverse_mass: Vec<f32> = scene
-        .particles
-        .iter()
-        .map(|particle| if particle.pinned { 0.0 } else { 1.0 / particle.mass })
-        .collect();
-    let springs = scene.springs.iter().map(|spring| {
-        let (first, second) = spring.particles;
-        (first, second, spring.stiffness, spring.damping)
-    });
-    FrequencyBounds::of(&inverse_mass, springs, scene.environment.viscosity)
+    FrequencyBounds::of(&inverse_mass(scene), springs(scene), scene.environment.viscosity)
 }
 
 /// What the settings of the scene amount to.
-pub fn plan(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Plan {
+pub fn plan(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Choice {
     let SceneSolver { integrator, substeps, time_step } = scene.solver;
-    let (scheme, substeps) = SolverSettings { integrator, substeps }.choose(bounds, time_step as f32);
-    Plan { integrator: scheme.into(), substeps }
+    let mut components = Components::default();
+    SolverSettings { integrator, substeps }.choose_by_component(bounds, time_step as f32, || {
+        components = Components::of(&inverse_mass(scene), springs(scene), scene.environment.viscosity);
+        &mut components
+    })
+}
+
+fn inverse_mass(scene: &MassSpringScene) -> Vec<f32> {
+    let particles = scene.particles.iter();
+    particles.map(|particle| if particle.pinned { 0.0 } else { 1.0 / particle.mass }).collect()
+}
+
+fn springs(scene: &MassSpringScene) -> impl Iterator<Item = (usize, usize, f32, f32)> + Clone {
+    scene.springs.iter().map(|spring| {
+        let (first, second) = spring.particles;
+        (first, second, spring.stiffness, spring.damping)
+    })
 }
 
 /// What a user should know before relying on the results.
@@ -42,8 +41,9 @@ pub fn warnings(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Vec<String
             "Bevy's clock counts whole nanoseconds: a tick is {tick:e} s instead of {time_step:e} s"
         ));
     }
-    let Plan { integrator, substeps } = plan(scene, bounds);
+    let Choice { scheme, substeps, .. } = plan(scene, bounds);
     if scene.solver.substeps == Substeps::Auto && substeps == MAX_SUBSTEPS {
+        let integrator = Integrator::from(scheme);
         warnings.push(format!(
             "the springs are too stiff for their masses: {MAX_SUBSTEPS} substeps of {integrator} may not suffice"
         ));

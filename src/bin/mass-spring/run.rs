@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::RunArguments;
 use crate::output::{Sink, Sinks, Summary};
-use crate::plan::{Plan, bounds, plan, warnings};
+use crate::plan::{bounds, plan, warnings};
 use crate::simulation::{Simulation, measure, state_hash};
 use crate::{Failure, say};
 
@@ -104,10 +104,11 @@ fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs
     let states = simulation.states();
     let totals = measure(scene, &states);
     let report = simulation.report();
-    let Plan { integrator, substeps } = if report.tick == 0 {
-        plan(scene, &bounds(scene))
+    let (integrator, substeps) = if report.tick == 0 {
+        let choice = plan(scene, &bounds(scene));
+        (choice.scheme.into(), choice.substeps)
     } else {
-        Plan { integrator: report.integrator, substeps: report.substeps }
+        (report.integrator, report.substeps)
     };
     let all_finite = states.iter().all(|state| state.position.is_finite() && state.velocity.is_finite());
     Summary {

@@ -80,6 +80,13 @@ pub(super) struct Scratch {
     xpbd: xpbd::Xpbd,
 }
 
+/// To be called before the first substep of a tick.
+pub(super) fn begin_tick(state: &mut SolverState, settings: &StepSettings) {
+    if settings.scheme == Scheme::Xpbd {
+        xpbd::begin_tick(state);
+    }
+}
+
 /// Advances positions and velocities by one substep of `substep` seconds.
 pub(super) fn advance(state: &mut SolverState, settings: &StepSettings, substep: f32) {
     let field = Field { gravity: settings.gravity, viscosity: settings.viscosity };

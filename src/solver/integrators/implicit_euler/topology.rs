@@ -112,10 +112,13 @@ impl Topology {
     fn number(&mut self, neighbours: &Neighbours, springs: &Springs) -> Vec<Option<u32>> {
         let count = self.known.free.len();
         let mut joined = vec![false; count];
-        for end in springs.first().iter().chain(springs.second()) {
-            joined[*end as usize] = true;
-        }
         let free = |slot: usize| self.known.free[slot];
+        for (first, second) in (0..springs.len()).map(|spring| springs.ends(spring)) {
+            // A spring between two pinned particles is nobody's.
+            if free(first) || free(second) {
+                (joined[first], joined[second]) = (true, true);
+            }
+        }
         let mut degree: Vec<usize> = (0..count).map(|slot| neighbours.of_slot(slot).len()).collect();
         let mut parents = Vec::new();
         self.slots.clear();

@@ -1,6 +1,12 @@
 //! How large a substep may be: rigorous bounds on the frequencies of a net, and what follows from them.
 
+mod components;
+mod tally;
+
 use super::integrators::Scheme;
+use components::has_loops;
+pub use components::{Choice, Components};
+use tally::{Tally, rates};
 
 /// The part of the largest stable step that automatic substeps use.
 ///
@@ -70,37 +76,16 @@ impl FrequencyBounds {
         springs: impl Iterator<Item = (usize, usize, f32, f32)> + Clone,
         viscosity: f32,
     ) -> Self {
-        let mut rates = vec![[0.0_f64; 2]; inverse_mass.len()];
-        let mut retardation_time = f64::INFINITY;
+        let rates = rates(inverse_mass, springs.clone());
+        let mut tally = Tally::default();
+        for &inverse in inverse_mass {
+            tally.add_particle(inverse);
+        }
         for (first, second, stiffness, damping) in springs.clone() {
-            let (stiffness, damping) = (f64::from(stiffness), f64::from(damping));
-            for end in [first, second] {
-                rates[end][0] += stiffness * f64::from(inverse_mass[end]);
-                rates[end][1] += damping * f64::from(inverse_mass[end]);
-            }
-            if stiffness > 0.0 {
-                retardation_time = retardation_time.min(damping / stiffness);
-            }
+            tally.add_spring([rates[first], rates[second]], stiffness, damping);
         }
-        let has_loops = has_loops(inverse_mass, springs.clone().map(|(first, second, ..)| [first, second]));
-        let (mut frequency_squared, mut damping_rate) = (0.0_f64, 0.0_f64);
-        for (first, second, ..) in springs {
-            frequency_squared = frequency_squared.max(rates[first][0] + rates[second][0]);
-            damping_rate = damping_rate.max(rates[first][1] + rates[second][1]);
-        }
-        let free = || inverse_mass.iter().map(|&inverse| f64::from(inverse)).filter(|inverse| *inverse > 0.0);
-        let (heaviest, lightest) = (free().fold(f64::INFINITY, f64::min), free().fold(0.0, f64::max));
-        let viscosity = f64::from(viscosity);
-        if frequency_squared > 0.0 {
-            // C >= ν and K <= ω² M <= ω² max m, hence the medium alone damps by C >= (ν / (ω² max m)) K.
-            retardation_time += viscosity * heaviest / frequency_squared;
-        }
-        Self {
-            angular_frequency: frequency_squared.sqrt(),
-            damping_rate: damping_rate + viscosity * lightest,
-            retardation_time,
-            has_loops,
-        }
+        let ends = springs.map(|(first, second, ..)| [first, second]);
+        tally.bounds(viscosity, has_loops(inverse_mass, ends))
     }
 
     /// The largest substep in s at which `scheme` is stable for every net within these bounds; may be
@@ -141,14 +126,29 @@ impl FrequencyBounds {
                 self.auto_substeps(Scheme::SemiImplicitEuler, time_step).max(least),
             );
         }
-        let limit = VERLET_MARGIN * self.largest_stable_step(Scheme::VelocityVerlet);
-        let explicit = ((time_step / limit).ceil() as u32).max(MIN_SUBSTEPS);
-        let most = if self.has_loops { MOST_EXPLICIT_WITH_LOOPS } else { MOST_EXPLICIT_WITHOUT_LOOPS };
-        if explicit <= most.max(least) {
-            return (Scheme::VelocityVerlet, explicit.max(least));
+        if !self.is_stiff(time_step, least) {
+            return (Scheme::VelocityVerlet, self.verlet_substeps(time_step).max(least));
         }
         let implicit = self.auto_substeps(Scheme::ImplicitEuler, time_step);
         (Scheme::ImplicitEuler, implicit.max(least))
+    }
+
+    /// The substeps of velocity Verlet in a tick of `time_step` seconds under `Auto`.
+    fn verlet_substeps(&self, time_step: f32) -> u32 {
+        let limit = VERLET_MARGIN * self.largest_stable_step(Scheme::VelocityVerlet);
+        ((time_step / limit).ceil() as u32).max(MIN_SUBSTEPS)
+    }
+
+    /// Whether a tick of `time_step` seconds, of `least` substeps at least, costs less by implicit Euler.
+    fn is_stiff(&self, time_step: f32, least: u32) -> bool {
+        let most = if self.has_loops { MOST_EXPLICIT_WITH_LOOPS } else { MOST_EXPLICIT_WITHOUT_LOOPS };
+        self.verlet_substeps(time_step) > most.max(least)
+    }
+
+    /// Whether some components of a net within these bounds may want another scheme than the whole of it:
+    /// if not, there is no need to look for [`Components`].
+    pub fn may_divide(&self, time_step: f32, least: u32) -> bool {
+        Self { has_loops: false, ..*self }.is_stiff(time_step, least)
     }
 
     /// The number of substeps of a tick of `time_step` seconds that keeps `scheme` at half of its
@@ -168,24 +168,6 @@ impl FrequencyBounds {
         // A float too large for u32 saturates; NaN cannot occur as both are > 0.
         (wanted as u32).clamp(MIN_SUBSTEPS, MAX_SUBSTEPS)
     }
-}
-
-/// Whether springs with these ends close a loop among free particles.
-fn has_loops(inverse_mass: &[f32], springs: impl Iterator<Item = [usize; 2]>) -> bool {
-    // Each particle points to another one of its tree, the root to itself.
-    let mut trees: Vec<usize> = (0..inverse_mass.len()).collect();
-    let root = |trees: &mut Vec<usize>, mut particle: usize| {
-        while trees[particle] != particle {
-            trees[particle] = trees[trees[particle]];
-            particle = trees[particle];
-        }
-        particle
-    };
-    springs.filter(|ends| ends.iter().all(|end| inverse_mass[*end] > 0.0)).any(|ends| {
-        let [first, second] = ends.map(|end| root(&mut trees, end));
-        trees[first] = second;
-        first == second
-    })
 }
 
 /// The radius of the largest half-disk of the left half-plane in which |1 + z + z²/2 + z³/6 + z⁴/24| <= 1.
