@@ -58,8 +58,9 @@ impl SolverSettings {
 pub enum Integrator {
     /// Stable for every stiffness, mass ratio and time step, at the least cost. Chosen at each tick, for each
     /// part of the net that springs connect, from the springs and masses:
-    /// [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability bound asks for, or,
-    /// where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). So a stiff rope takes nothing
+    /// [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability bound asks for;
+    /// [`SemiImplicitEuler`](Self::SemiImplicitEuler) where damped springs ask for so many that it costs less;
+    /// or, where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). So a stiff rope takes nothing
     /// from the motion of a soft cloth beside it. Pinned particles connect nothing; particles without
     /// springs go with the explicit part. Where nothing has springs, it is
     /// [`SemiImplicitEuler`](Self::SemiImplicitEuler).

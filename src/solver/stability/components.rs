@@ -137,7 +137,7 @@ impl Components {
         }
         if stiff == 0 {
             let together = whole.cheapest(time_step, least);
-            let is_explicit = together.0 == Scheme::VelocityVerlet;
+            let is_explicit = together.0 != Scheme::ImplicitEuler;
             return if is_explicit { together } else { (Scheme::VelocityVerlet, explicit) }.into();
         }
         let implicit =
