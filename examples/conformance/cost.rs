@@ -11,7 +11,7 @@ use crate::findings::{CLOTH, ROPE};
 use crate::net::{Net, root_mean_square};
 use crate::plot::{Axis, Line, Plot};
 use crate::reference;
-use crate::simulation::{Simulation, integrators, is_unconditional};
+use crate::simulation::{Simulation, integrators};
 
 const TICK: f64 = 1.0 / 60.0;
 const TICKS: usize = 30;
@@ -113,7 +113,7 @@ fn compare(lab: &mut Lab, section: &mut Section, scene: &Scene) -> Result<(), Bo
 fn runs(integrator: Integrator, net: &Net, truth: &[DVec3]) -> Vec<Run> {
     let choices: Vec<Substeps> = match integrator {
         Integrator::Auto => vec![Substeps::Auto],
-        _ if is_unconditional(integrator, net) => doublings(16),
+        Integrator::ImplicitEuler => doublings(16),
         _ => doublings(512),
     };
     let mut runs = Vec::new();

@@ -97,7 +97,7 @@ fn purpose(scheme: &str) -> &'static str {
         "VelocityVerlet" => "exact oscillations over a long time",
         "RungeKutta4" => "the smallest error over a short time",
         "ImplicitEuler" => "stiff nets, large ratios of masses, states of rest",
-        "Xpbd" => "stiff nets on a fixed budget of time",
+        "Xpbd" => "short or soft nets on a fixed budget of time",
         "SecondOrderTaylor" => "free fall",
         "ExplicitEuler" => "watching it explode",
         _ => "",

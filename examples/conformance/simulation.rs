@@ -13,13 +13,6 @@ pub fn integrators() -> impl Iterator<Item = Integrator> {
     Scheme::ALL.into_iter().map(Integrator::from).chain([Integrator::Auto])
 }
 
-/// Whether the scheme is stable with steps of any size.
-pub fn is_unconditional(integrator: Integrator, net: &Net) -> bool {
-    integrator
-        .scheme()
-        .is_some_and(|scheme| net.frequency_bounds().largest_stable_step(scheme) == f32::INFINITY)
-}
-
 /// A run.
 pub struct Simulation {
     pub state: SolverState,
@@ -46,7 +39,10 @@ impl Simulation {
 
     /// With one substep where every step is stable, else as many as the stability bound asks for.
     pub fn stable(net: &Net, integrator: Integrator, time_step: f64) -> Self {
-        let substeps = if is_unconditional(integrator, net) { Substeps::Fixed(1) } else { Substeps::Auto };
+        let substeps = match integrator {
+            Integrator::ImplicitEuler => Substeps::Fixed(1),
+            _ => Substeps::Auto,
+        };
         Self::new(net, integrator, substeps, time_step)
     }
 

@@ -42,7 +42,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             }
         }
         let stretch =
-            if largest < 10.0 { format!("{} %", number(largest * 100.0)) } else { "explodes".into() };
+            if largest.is_finite() { format!("{} %", number(largest * 100.0)) } else { "explodes".into() };
         lab.findings.note(STRETCH, integrator, stretch.clone());
         let choice = simulation.choice(integrator);
         table.row([format!("`{integrator}`"), choice, stretch, number(simulation.milliseconds())]);

@@ -26,7 +26,7 @@ const VERLET_MARGIN: f32 = 0.7;
 
 /// The part of its largest stable step that semi-implicit Euler takes under `Auto` on damped springs, where
 /// h ω <= 1 besides: no mode is near a resonance, and the bound is rigorous.
-const DAMPED_MARGIN: f32 = 0.9;
+const DAMPED_MARGIN: f32 = 0.95;
 
 /// Semi-implicit Euler is right to the first order only: under `Auto` it needs so many substeps at least.
 const FEWEST_FIRST_ORDER_SUBSTEPS: u32 = 16;
