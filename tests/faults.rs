@@ -6,6 +6,7 @@ mod common;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
+use bevy_mass_spring::solver::Scheme;
 use common::logged::Logged;
 use common::*;
 
@@ -166,4 +167,62 @@ fn an_explosion_is_reported_and_survived() {
     // Explicit Euler: x = g h² n (n − 1) / 2.
     let expected = 9.81 * TICK * TICK * 200.0 * 199.0 / 2.0;
     assert!((fallen / expected - 1.0).abs() < 1e-3, "the bystander falls as ever: {fallen} m");
+}
+
+/// A sheet of 4² with diagonals that hangs by two corners: its springs close loops.
+fn spawn_sheet(app: &mut App, corner: Vec3) -> Vec<Entity> {
+    let mut sheet = Vec::new();
+    for place in 0..16_usize {
+        let offset = Vec3::new((place % 4) as f32, 0.0, (place / 4) as f32) * 0.2;
+        sheet.push(match place {
+            0 | 3 => spawn_pinned(app, corner + offset),
+            _ => spawn(app, 0.1, 0.0, corner + offset),
+        });
+        for (exists, back) in [(place % 4 > 0, 1), (place >= 4, 4), (place % 4 > 0 && place >= 4, 5)] {
+            if exists {
+                let length = if back == 5 { 0.2 * 2.0_f32.sqrt() } else { 0.2 };
+                let spring = Spring::new(sheet[place - back], sheet[place], length);
+                join(app, spring.with_stiffness(500.0).with_damping(0.5));
+            }
+        }
+    }
+    sheet
+}
+
+/// What a game's bug may bring, in numbers that are finite still: it is the business of one net, whatever
+/// the scheme, and another one hangs as if it were alone.
+#[test]
+fn absurd_numbers_in_one_net_do_not_reach_another() {
+    let _logged = Logged::start();
+    let absurdities: [fn(&mut App, Entity); 3] = [
+        |app, particle| set_velocity(app, particle, Vec3::new(1e30, 0.0, 0.0)),
+        |app, particle| {
+            app.world_mut().entity_mut(particle).insert(AppliedForce(Vec3::Z * -1e37));
+        },
+        |app, particle| place(app, particle, Vec3::splat(1e25)),
+    ];
+    for integrator in Scheme::ALL.into_iter().map(Integrator::from).chain([Integrator::Auto]) {
+        for (number, absurdity) in absurdities.iter().enumerate() {
+            let [alone, beside] = [false, true].map(|is_absurd| {
+                let mut app = app();
+                app.world_mut().resource_mut::<SolverSettings>().integrator = integrator;
+                let calm = spawn_sheet(&mut app, Vec3::ZERO);
+                let other = spawn_sheet(&mut app, Vec3::X * 30.0);
+                run(&mut app, 5);
+                if is_absurd {
+                    absurdity(&mut app, other[15]);
+                }
+                run(&mut app, 25);
+                for particle in &other {
+                    assert!(position(&app, *particle).is_finite(), "{integrator}, {number}");
+                }
+                calm.iter().map(|particle| position(&app, *particle)).collect::<Vec<_>>()
+            });
+            // Newton's method leaves 5e-4 of each displacement at most; nobody has gone further than 2 m.
+            for (alone, beside) in alone.iter().zip(&beside) {
+                let apart = alone.distance(*beside);
+                assert!(apart <= 2.0 * 5e-4 * 2.0, "{integrator}, {number}: {apart} m");
+            }
+        }
+    }
 }
