@@ -142,7 +142,7 @@ fn archetype_moves_do_not_matter() {
 fn large_scene(app: &mut App) -> Vec<Entity> {
     let rope = |spring: Spring| spring.with_stiffness(400.0).with_damping(0.2);
     let mut all = spawn_rope(app, Vec3::new(-30.0, 9.0, 0.0), 5000, 0.05, rope);
-    let width = 80;
+    let width = 130;
     let first = all.len();
     for slot in 0..width * width {
         let place = Vec3::new((slot % width) as f32 * 0.1, 8.0, 20.0 + (slot / width) as f32 * 0.1);
