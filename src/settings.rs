@@ -24,30 +24,34 @@ impl SolverSettings {
     /// tick of `time_step` seconds. [`Substeps::Fixed`] of 0 counts as 1.
     pub fn choose(&self, bounds: &FrequencyBounds, time_step: f32) -> (Scheme, u32) {
         match (self.integrator.scheme(), self.substeps) {
-            (Some(scheme), Substeps::Fixed(count)) => (scheme, count.max(1)),
+            (Some(scheme), Substeps::Fixed(_)) => (scheme, self.least_substeps()),
             (Some(scheme), Substeps::Auto) => (scheme, bounds.auto_substeps(scheme, time_step)),
-            (None, Substeps::Fixed(count)) => bounds.cheapest(time_step, count),
-            (None, Substeps::Auto) => bounds.cheapest(time_step, 1),
+            (None, _) => bounds.cheapest(time_step, self.least_substeps()),
         }
     }
 
     /// What these settings mean for a net within `bounds` when each of its components may go its own way:
-    /// [`Integrator::Auto`] then takes those that are stiff by implicit Euler, and the others by velocity
-    /// Verlet. It asks for the `components` only where they may differ.
+    /// [`Integrator::Auto`] then takes those that are stiff by implicit Euler, and the others by an explicit
+    /// scheme. It asks for the `components` only where they may differ.
     pub fn choose_by_component<'a>(
         &self,
         bounds: &FrequencyBounds,
         time_step: f32,
         components: impl FnOnce() -> &'a mut Components,
     ) -> Choice {
-        let least = match self.substeps {
-            Substeps::Auto => 1,
-            Substeps::Fixed(count) => count.max(1),
-        };
+        let least = self.least_substeps();
         if self.integrator == Integrator::Auto && bounds.may_divide(time_step, least) {
             return components().choose(bounds, time_step, least);
         }
         self.choose(bounds, time_step).into()
+    }
+
+    /// So many substeps the user asks for.
+    fn least_substeps(&self) -> u32 {
+        match self.substeps {
+            Substeps::Auto => 1,
+            Substeps::Fixed(count) => count.max(1),
+        }
     }
 }
 

@@ -15,7 +15,7 @@ const SIZE: (u32, u32) = (860, 480);
 const LEGEND: u32 = 175;
 
 /// Distinguishable, also for most of those who see fewer colours (Okabe and Ito, 2008).
-const COLOURS: [RGBColor; 8] = [
+const COLOURS: [RGBColor; 9] = [
     RGBColor(230, 159, 0),
     RGBColor(0, 114, 178),
     RGBColor(86, 180, 233),
@@ -24,6 +24,7 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(213, 94, 0),
     RGBColor(0, 0, 0),
     RGBColor(150, 150, 0),
+    RGBColor(150, 150, 150),
 ];
 
 /// One axis.

@@ -74,7 +74,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     section.table(table);
     let plot = Plot {
         title: "One tick of a sheet of 81²: error against cost".to_owned(),
-        x: Axis { label: "ms", logarithmic: true, range: 5.0..500.0 },
+        x: Axis { label: "ms", logarithmic: true, range: 0.2..500.0 },
         y: Axis { label: "error, in parts of the motion", logarithmic: true, range: 1e-6..1.0 },
         lines,
     };

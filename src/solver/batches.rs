@@ -18,7 +18,7 @@ pub(super) const SHORTEST_RUN: usize = 8;
 /// Runs stay within so many particles, whose state fits in the first-level cache.
 const TILE: usize = 1024;
 
-/// Blocks have at least so many particles: below, a thread costs more to wake than it saves.
+/// Blocks have at least so many particles: smaller ones list more of their springs twice.
 pub(super) const SMALLEST_BLOCK: usize = 2048;
 
 /// From about so many particles on it pays to wake other threads. Measured: with 10,000 two threads take a

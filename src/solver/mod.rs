@@ -124,7 +124,7 @@ pub fn step(state: &mut SolverState, settings: &StepSettings) {
         state.particles.position.set(motion.slot, motion.start);
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
-    state.contacts.begin_tick(settings);
+    state.contacts.begin_tick();
     integrators::begin_tick(state, settings);
     if settings.stiff_substeps > 0 {
         mixture::begin_tick(state);

@@ -97,6 +97,14 @@ impl Vectors {
     }
 }
 
+/// Replaces the vector in place `place` of a piece of [`Vectors`].
+#[inline]
+pub(super) fn set(piece: &mut [&mut [f32]; 3], place: usize, value: Vec3) {
+    for (axis, value) in piece.iter_mut().zip(value.to_array()) {
+        axis[place] = value;
+    }
+}
+
 /// The particles, one slot each.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Particles {

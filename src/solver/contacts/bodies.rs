@@ -7,7 +7,7 @@
 use bevy::math::{Vec3, Vec3A};
 
 use crate::solver::blocks;
-use crate::solver::particles::Particles;
+use crate::solver::particles::{Particles, set};
 
 use super::regions::Regions;
 
@@ -69,15 +69,11 @@ pub(super) fn for_each(bodies: &mut [Body], regions: &Regions, change: impl Fn(&
 pub(super) fn write_back(bodies: &[Body], particles: &mut Particles, regions: &Regions) {
     let places = particles.position.chunks_mut(BLOCK).zip(particles.velocity.chunks_mut(BLOCK));
     let parts = places.zip(regions.body_of.chunks(BLOCK));
-    blocks::for_each(parts, regions.are_many(), |((position, velocity), numbers)| {
-        let set = |[x, y, z]: &mut [&mut [f32]; 3], place: usize, value: Vec3A| {
-            [x[place], y[place], z[place]] = value.to_array();
-        };
-        let (mut position, mut velocity) = (position, velocity);
+    blocks::for_each(parts, regions.are_many(), |((mut position, mut velocity), numbers)| {
         for (place, number) in numbers.iter().enumerate() {
             let body = &bodies[*number as usize];
-            set(&mut position, place, body.position);
-            set(&mut velocity, place, body.velocity);
+            set(&mut position, place, body.position.into());
+            set(&mut velocity, place, body.velocity.into());
         }
     });
 }

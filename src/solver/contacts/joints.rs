@@ -17,15 +17,12 @@ pub(super) struct Joints {
     partners: Vec<u32>,
     /// Whether a spring pulls at each particle.
     sprung: Vec<bool>,
-    /// Whether there are springs.
-    any: bool,
 }
 
 impl Joints {
     /// Finds out about all springs.
     pub fn rebuild(&mut self, particles: &Particles, springs: &Springs) {
-        let Self { starts, partners, sprung, any } = self;
-        *any = acting(springs).next().is_some();
+        let Self { starts, partners, sprung } = self;
         sprung.clear();
         sprung.resize(particles.len(), false);
         starts.clear();
@@ -51,9 +48,9 @@ impl Joints {
         }
     }
 
-    /// Whether there are springs.
+    /// Whether a spring pulls at any particle.
     pub fn any(&self) -> bool {
-        self.any
+        self.sprung.contains(&true)
     }
 
     /// Whether a spring pulls at a particle.

@@ -120,11 +120,8 @@ impl Contacts {
         self.candidates.renumber(new_slots, count);
     }
 
-    pub(super) fn begin_tick(&mut self, settings: &StepSettings) {
+    pub(super) fn begin_tick(&mut self) {
         self.records.clear();
-        if settings.pair_rules.is_none() {
-            self.candidates.clear();
-        }
     }
 
     /// Keeps the positions from which friction measures how far things slipped.

@@ -53,7 +53,8 @@ impl Scheme {
     ///
     /// Under a constant acceleration, the Euler schemes place positions as if the velocity at the time
     /// of the position were v + lag · h a: they are leapfrogs whose velocities live half a substep
-    /// earlier (semi-implicit, implicit and position-based) or later (explicit). Impacts at exact speeds need this.
+    /// earlier (semi-implicit, implicit and position-based) or later (explicit). Impacts at exact speeds need
+    /// this.
     pub fn velocity_lag(self) -> f32 {
         match self {
             Self::SemiImplicitEuler | Self::ImplicitEuler | Self::Xpbd => 0.5,

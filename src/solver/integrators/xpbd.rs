@@ -20,7 +20,7 @@ use bevy::math::{DVec3, Vec3};
 use super::super::SolverState;
 use super::super::blocks;
 use super::super::forces::Field;
-use super::super::particles::Particles;
+use super::super::particles::{Particles, set};
 use super::super::springs::Springs;
 use super::free_velocity;
 
@@ -135,6 +135,7 @@ pub(super) fn advance(state: &mut SolverState, field: Field, substep: f32) {
     let SolverState { particles, springs, scratch, .. } = state;
     let h = f64::from(substep);
     let Xpbd { order, motion } = &mut scratch.xpbd;
+    // Even few blocks are worth it: a spring costs several times what it does where only forces are computed.
     let parallel = order.block_ends.len() > 1;
     motion.resize(particles.len());
     let within = motion.blocks(order.block_size).zip(order.within_blocks());
@@ -190,13 +191,6 @@ impl Motion {
                 set(&mut acceleration, slot, ((new - old) / h).as_vec3());
             }
         });
-    }
-}
-
-/// Replaces the vector in slot `slot`.
-fn set(axes: &mut [&mut [f32]; 3], slot: usize, value: Vec3) {
-    for (axis, value) in axes.iter_mut().zip(value.to_array()) {
-        axis[slot] = value;
     }
 }
 
