@@ -21,9 +21,10 @@ const TILE: usize = 1024;
 /// Blocks have at least so many particles: smaller ones list more of their springs twice.
 pub(super) const SMALLEST_BLOCK: usize = 2048;
 
-/// From about so many particles on it pays to wake other threads. Measured: with 10,000 two threads take a
-/// tenth longer than one; with 22,000 as long; with 30,000 a fifth less.
-const WORTH_SHARING: usize = 12 * SMALLEST_BLOCK;
+/// From about so many particles and springs together on it pays to wake other threads. Measured: a rope of
+/// 10,000 (20,000 of them) takes two threads a twentieth longer than one, a cloth of 70² (34,000) a twelfth
+/// less.
+const WORTH_SHARING: usize = 25_000;
 
 /// The part of the springs that may be listed twice: a larger block is taken until no more are.
 const MOST_CUT: f32 = 0.04;
@@ -174,7 +175,7 @@ impl Batches {
 
     /// Whether there is so much work in an evaluation that other threads should help.
     pub fn are_worth_sharing(&self) -> bool {
-        self.blocks.len() > 1 && self.blocks.len() * self.block_size >= WORTH_SHARING
+        self.blocks.len() > 1 && self.particles + self.places.len() >= WORTH_SHARING
     }
 
     /// How many springs are in no run; those between two blocks count twice.
