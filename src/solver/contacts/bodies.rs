@@ -9,6 +9,7 @@ use bevy::math::{Vec3, Vec3A};
 use crate::solver::blocks;
 use crate::solver::particles::{Particles, set};
 
+use super::joints::Joints;
 use super::regions::Regions;
 
 /// So many bodies are copied as one part.
@@ -28,6 +29,8 @@ pub(super) struct Body {
     pub holds: u32,
     /// Whether it rests on the ground or on something that does.
     pub supported: bool,
+    /// Whether springs pull at it.
+    pub sprung: bool,
 }
 
 impl Body {
@@ -39,7 +42,13 @@ impl Body {
 }
 
 /// Copies all particles; `previous` are their positions at the start of the substep.
-pub(super) fn fill(bodies: &mut Vec<Body>, particles: &Particles, previous: &[Vec3], regions: &Regions) {
+pub(super) fn fill(
+    bodies: &mut Vec<Body>,
+    particles: &Particles,
+    previous: &[Vec3],
+    regions: &Regions,
+    joints: &Joints,
+) {
     bodies.resize(particles.len(), Body::default());
     let parts = bodies.chunks_mut(BLOCK).zip(regions.slot_of.chunks(BLOCK));
     blocks::for_each(parts, regions.are_many(), |(bodies, slots)| {
@@ -53,6 +62,7 @@ pub(super) fn fill(bodies: &mut Vec<Body>, particles: &Particles, previous: &[Ve
                 radius: particles.radius[slot],
                 holds: 0,
                 supported: particles.inverse_mass[slot] == 0.0,
+                sprung: joints.is_sprung(slot),
             };
         }
     });

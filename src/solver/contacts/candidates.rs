@@ -14,15 +14,17 @@ use super::joints::Joints;
 use super::list::{Candidate, List, Past, slots};
 use super::regions::{Groups, Regions};
 
-/// The skin of a slow particle, as a part of its radius.
+/// The skins of slow particles, as a part of their radius: thin ones as long as lists last, which keeps them
+/// short, wide ones when they do not, which makes new lists rarer.
 const THIN_SKIN: f32 = 0.2;
+const WIDE_SKIN: f32 = 0.4;
 
-/// The skin of a fast one. With it a sphere is twice as large as with the thin one, so that the two
-/// kinds come into different classes of the grid, and a few fast ones do not widen the cells of all.
-const THICK_SKIN: f32 = 1.4;
+/// Wide skins are for lists of which a thin skin is outrun in fewer substeps. Measured: a new list of 10,000
+/// balls in a pile takes as long as ten looks at the pairs that a wide skin adds.
+const SHORT_LIFE: f32 = 10.0;
 
-/// A particle is fast that would outrun a thin skin within so many ticks. In a crowd, thick skins are for
-/// a few: the first of these is taken that makes at most one particle in sixteen fast.
+/// A particle is fast that would outrun the skin of slow ones within so many ticks. In a crowd, thick skins
+/// are for a few: the first of these is taken that makes at most one particle in sixteen fast.
 const PATIENCE: [f32; 4] = [4.0, 1.0, 0.25, 0.0];
 
 /// From so many pairs a particle on it is a crowd, in which thick skins cost more than they spare,
@@ -43,11 +45,17 @@ pub(super) struct Candidates {
     found: Vec<(u32, u32)>,
     /// The same in groups.
     grouped: Vec<(u32, u32)>,
-    /// Their heights, as sortable bits, and their places in the group.
-    heights: Vec<u64>,
+    /// The heights of their middles, as sortable bits, and their places in the group.
+    keys: Vec<u64>,
+    /// The height of each particle, m.
+    heights: Vec<f32>,
     /// Positions at the time of the last rebuild.
     origins: Vectors,
     skins: Vec<f32>,
+    /// Whether slow particles have wide skins.
+    wide: bool,
+    /// Substeps since the last rebuild.
+    age: u32,
     joints: Joints,
     regions: Regions,
     groups: Groups,
@@ -109,7 +117,12 @@ impl Candidates {
         if stale {
             self.joints.rebuild(particles, springs);
         }
+        self.age += 1;
         if stale || self.outrun(particles) {
+            if !stale {
+                self.wide = self.age as f32 * (THIN_SKIN / self.slow_skin()) < SHORT_LIFE;
+            }
+            self.age = 0;
             self.stale = false;
             self.choose_skins(particles, time_step);
             self.search(particles);
@@ -131,9 +144,14 @@ impl Candidates {
         self.list.pairs.is_empty()
     }
 
-    /// The pairs, in groups and there from the bottom up; the groups; and what is known of the springs.
-    pub fn pairs(&mut self) -> (&mut [Candidate], &mut Groups, &Regions, &Joints) {
-        (&mut self.list.pairs, &mut self.groups, &self.regions, &self.joints)
+    /// The pairs, in groups and there from the bottom up; the groups; and how the bodies are ordered.
+    pub fn pairs(&mut self) -> (&mut [Candidate], &mut Groups, &Regions) {
+        (&mut self.list.pairs, &mut self.groups, &self.regions)
+    }
+
+    /// What is known of the springs.
+    pub fn joints(&self) -> &Joints {
+        &self.joints
     }
 
     /// The groups of the pairs.
@@ -165,12 +183,21 @@ impl Candidates {
         })
     }
 
+    /// The skin of slow particles, as a part of their radius.
+    fn slow_skin(&self) -> f32 {
+        if self.wide { WIDE_SKIN } else { THIN_SKIN }
+    }
+
     fn choose_skins(&mut self, particles: &Particles, time_step: f32) {
         self.origins.copy_from(&particles.position);
+        // A sphere with a thick skin is twice as large as with the skin of a slow one, so that the two come into
+        // different classes of the grid, and a few fast ones do not widen the cells of all.
+        let slow_skin = self.slow_skin();
+        let thick_skin = 1.0 + 2.0 * slow_skin;
         let common = mean(particles.len(), |slot| particles.velocity.get(slot));
         let is_fast = |slot: usize, patience: f32| {
             let travel = (particles.velocity.get(slot) - common).length() * patience * time_step;
-            travel > THIN_SKIN * particles.radius[slot]
+            travel > slow_skin * particles.radius[slot]
         };
         let few = particles.len() / 16;
         let few_are_fast = |patience: &f32| {
@@ -181,8 +208,8 @@ impl Candidates {
         self.skins.clear();
         self.skins.extend(particles.radius.iter().enumerate().map(|(slot, &radius)| match radius {
             0.0 => f32::INFINITY,
-            _ if is_fast(slot, patience) => THICK_SKIN * radius,
-            _ => THIN_SKIN * radius,
+            _ if is_fast(slot, patience) => thick_skin * radius,
+            _ => slow_skin * radius,
         }));
     }
 
@@ -202,23 +229,25 @@ impl Candidates {
     /// Lists the pairs of each group by the height of their middle: whatever carries a pair comes before it.
     /// (Not by that of the lower particle: pairs in a row that share one would have to wait for each other.)
     fn sort_bottom_up(&mut self, particles: &Particles, up: Vec3) {
-        let Self { list, heights, found, grouped, regions, groups, .. } = self;
+        let Self { list, heights, keys, found, grouped, regions, groups, .. } = self;
         groups.arrange(regions, found, grouped);
-        heights.resize(found.len(), 0);
+        heights.clear();
+        heights.extend((0..particles.len()).map(|slot| particles.position.get(slot).dot(up)));
+        keys.resize(found.len(), 0);
         list.pairs.resize(found.len(), Candidate { lower: 0, upper: 0, past: Past::Apart });
         list.slot_of.clone_from(&regions.slot_of);
-        let height = |slot: u32| particles.position.get(slot as usize).dot(up);
+        let height = |slot: u32| heights[slot as usize];
         let body = |slot: u32| regions.body_of[slot as usize];
-        groups.for_each_list((&mut heights[..], &mut list.pairs[..]), |group, (heights, pairs)| {
+        groups.for_each_list((&mut keys[..], &mut list.pairs[..]), |group, (keys, pairs)| {
             let found = &grouped[group.pairs.clone()];
-            for (place, (key, (a, b))) in heights.iter_mut().zip(found).enumerate() {
+            for (place, (key, (a, b))) in keys.iter_mut().zip(found).enumerate() {
                 // Floats sort like integers once the negative ones are turned round.
                 let bits = (height(*a) + height(*b)).to_bits();
                 let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
                 *key = u64::from(sortable) << 32 | place as u64;
             }
-            heights.sort_unstable();
-            for (pair, key) in pairs.iter_mut().zip(heights) {
+            keys.sort_unstable();
+            for (pair, key) in pairs.iter_mut().zip(keys) {
                 let (a, b) = found[*key as u32 as usize];
                 let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
                 *pair = Candidate { lower: body(lower), upper: body(upper), past: Past::Apart };

@@ -55,11 +55,14 @@ impl Joints {
 
     /// Whether a spring pulls at a particle.
     pub fn is_sprung(&self, slot: usize) -> bool {
-        self.sprung[slot]
+        self.sprung.get(slot) == Some(&true)
     }
 
     /// Whether a spring says that a and b, a < b, overlap at rest: such a pair does not collide.
     pub fn overlap_at_rest(&self, a: u32, b: u32) -> bool {
+        if self.partners.is_empty() {
+            return false;
+        }
         let bounds = self.starts[a as usize] as usize..self.starts[a as usize + 1] as usize;
         self.partners[bounds].contains(&b)
     }

@@ -191,7 +191,8 @@ impl Contacts {
         }
         let any_pairs = !self.candidates.is_empty();
         if any_pairs || !self.plane_contacts.is_empty() {
-            bodies::fill(&mut self.bodies, particles, &self.previous, self.candidates.regions());
+            let (regions, joints) = (self.candidates.regions(), self.candidates.joints());
+            bodies::fill(&mut self.bodies, particles, &self.previous, regions, joints);
         }
         if any_pairs {
             let up = Vec3A::from(up);
@@ -210,14 +211,14 @@ impl Contacts {
         if pairs {
             let tolerance = SETTLED_ERROR * resting_speed;
             let Self { pair_contacts, candidates, bodies, .. } = self;
-            pairs::warm_start(pair_contacts, candidates.groups_mut(), bodies, reach);
+            pairs::warm_start(pair_contacts, candidates.groups_mut(), bodies);
             for _ in 0..VELOCITY_ROUNDS {
                 // The planes come first, so that a pair does not take for an escape what is only the
                 // load of the pile above it.
                 self.solve_plane_velocities();
                 let Self { pair_contacts, candidates, bodies, .. } = self;
                 let groups = candidates.groups_mut();
-                if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, reach, tolerance) {
+                if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, tolerance) {
                     break;
                 }
             }
@@ -225,7 +226,7 @@ impl Contacts {
         self.solve_plane_velocities();
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
-            pairs::stop_sinking(pair_contacts, candidates.groups_mut(), bodies);
+            pairs::finish_velocities(pair_contacts, candidates.groups_mut(), bodies, reach);
         }
     }
 

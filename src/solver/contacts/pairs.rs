@@ -17,7 +17,6 @@ use crate::solver::particles::Vectors;
 use super::PairRules;
 use super::bodies::Body;
 use super::candidates::Candidates;
-use super::joints::Joints;
 use super::list::{Candidate, Past};
 use super::regions::{Group, Groups};
 use super::response::{Approach, Rebound, friction, shortened, tangential};
@@ -70,20 +69,17 @@ impl PairContact {
         bodies.get_disjoint_mut([self.first(), self.second()]).expect("a pair is of two particles")
     }
 
-    /// Gives both their impulse. If the pair rests, the impulse also takes back what the load displaced
-    /// in this substep: velocity · `reach`, s (see [`Scheme::displacement_share`]).
-    ///
-    /// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
+    /// All that it gives the first particle, N·s.
     #[inline(always)]
-    fn apply(&self, impulse: Vec3A, [first, second]: [&mut Body; 2], reach: f32) {
-        let first_change = impulse * first.inverse_mass;
-        let second_change = impulse * -second.inverse_mass;
-        first.velocity += first_change;
-        second.velocity += second_change;
-        if self.resting {
-            first.position += first_change * reach;
-            second.position += second_change * reach;
-        }
+    fn impulse(&self) -> Vec3A {
+        self.normal * self.impulses.normal + self.impulses.friction
+    }
+
+    /// Gives both their impulse.
+    #[inline(always)]
+    fn apply(impulse: Vec3A, [first, second]: [&mut Body; 2]) {
+        first.velocity += impulse * first.inverse_mass;
+        second.velocity -= impulse * second.inverse_mass;
     }
 }
 
@@ -134,7 +130,6 @@ impl PairContacts {
 /// What all pairs are looked at with.
 struct Search<'a> {
     slot_of: &'a [u32],
-    joints: &'a Joints,
     acceleration: &'a Vectors,
     rebound: Rebound,
     up: Vec3A,
@@ -151,10 +146,10 @@ pub(super) fn find(
     up: Vec3A,
     contacts: &mut PairContacts,
 ) {
-    let (pairs, groups, regions, joints) = candidates.pairs();
+    let (pairs, groups, regions) = candidates.pairs();
     contacts.turn(pairs.len());
     let PairContacts { room, last } = contacts;
-    let search = Search { slot_of: &regions.slot_of, joints, acceleration, rebound, up, last };
+    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, last };
     groups.for_each((pairs, &mut room[..]), bodies, |group, (pairs, room), bodies| {
         group.contacts = 0;
         for pairs in pairs.chunks_mut(BLOCK) {
@@ -178,28 +173,29 @@ impl Search<'_> {
         mut keep: impl FnMut(PairContact) -> Past,
     ) {
         // Without a branch: about half of the pairs are near, no processor could guess which.
-        let (mut near, mut count) = ([0; BLOCK], 0);
+        let (mut near, mut count) = ([(0, Past::Apart); BLOCK], 0);
         for (place, pair) in pairs.iter_mut().enumerate() {
             let [first, second] = places(pair, start);
             let (upper, lower) = (&bodies[first], &bodies[second]);
             let most = upper.radius + lower.radius + self.rebound.slop;
             let is_near = (upper.position - lower.position).length_squared() <= most * most;
-            near[count] = place as u16;
+            near[count] = (place as u32, std::mem::replace(&mut pair.past, Past::Apart));
             count += usize::from(is_near);
-            pair.past = if is_near { pair.past } else { Past::Apart };
         }
-        for place in &near[..count] {
+        for (place, past) in &near[..count] {
             let pair = &mut pairs[*place as usize];
             let ends = places(pair, start);
-            if pair.past == Past::Entangled && overlap(ends.map(|end| &bodies[end])) {
-                continue;
-            }
-            let impulses = match pair.past {
+            let impulses = match *past {
+                Past::Entangled if overlap(ends.map(|end| &bodies[end])) => {
+                    pair.past = Past::Entangled;
+                    continue;
+                }
                 Past::Contact(place) => self.last[place as usize].impulses,
                 _ => Impulses::default(),
             };
-            let contact = self.contact(ends, start, impulses, bodies);
-            pair.past = contact.map_or(Past::Apart, &mut keep);
+            if let Some(contact) = self.contact(ends, start, impulses, bodies) {
+                pair.past = keep(contact);
+            }
         }
     }
 
@@ -212,24 +208,27 @@ impl Search<'_> {
         impulses: Impulses,
         bodies: &mut [Body],
     ) -> Option<PairContact> {
-        let Self { joints, acceleration, rebound, up, .. } = self;
+        let Self { slot_of, acceleration, rebound, up, .. } = self;
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let distance = separation.length();
         let normal = direction(separation, distance);
-        let slots = [first, second].map(|place| self.slot_of[place + start] as usize);
-        let approach = Approach {
-            velocity: (upper.velocity - lower.velocity).dot(normal),
-            acceleration: Vec3A::from(acceleration.get(slots[0]) - acceleration.get(slots[1])).dot(normal),
-            depth: (reach - distance).max(0.0),
-        };
-        let target_velocity = rebound.least_velocity_after(approach);
-        let resting = target_velocity == 0.0 && approach.velocity.abs() < 2.0 * rebound.resting_speed;
+        let velocity = (upper.velocity - lower.velocity).dot(normal);
+        let mut target_velocity = 0.0;
+        if velocity < 0.0 {
+            let [first, second] =
+                [first, second].map(|place| acceleration.get(slot_of[place + start] as usize));
+            let acceleration = Vec3A::from(first - second).dot(normal);
+            let depth = (reach - distance).max(0.0);
+            target_velocity = rebound.velocity_after(Approach { velocity, acceleration, depth });
+        }
+        let resting = target_velocity == 0.0 && velocity.abs() < 2.0 * rebound.resting_speed;
         if distance > reach && !resting {
             return None;
         }
         let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
+        let sprung = upper.sprung || lower.sprung;
         let supports = lower.supported && normal.dot(*up) > STEEPEST_SUPPORT;
         bodies[first].supported |= supports;
         bodies[first].holds += u32::from(resting);
@@ -243,7 +242,7 @@ impl Search<'_> {
             impulses,
             resting,
             supports,
-            sprung: slots.into_iter().any(|slot| joints.is_sprung(slot)),
+            sprung,
         })
     }
 }
@@ -261,13 +260,12 @@ fn overlap([one, other]: [&Body; 2]) -> bool {
 }
 
 /// Applies the impulses of the last substep.
-pub(super) fn warm_start(contacts: &mut PairContacts, groups: &mut Groups, bodies: &mut [Body], reach: f32) {
+pub(super) fn warm_start(contacts: &mut PairContacts, groups: &mut Groups, bodies: &mut [Body]) {
     contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
         for contact in contacts {
             // The normal has turned a little since: keep what is tangential to it now.
             contact.impulses.friction = tangential(contact.impulses.friction, contact.normal);
-            let impulse = contact.normal * contact.impulses.normal + contact.impulses.friction;
-            contact.apply(impulse, contact.both(bodies), reach);
+            PairContact::apply(contact.impulse(), contact.both(bodies));
         }
     });
 }
@@ -279,11 +277,10 @@ pub(super) fn solve_velocities(
     groups: &mut Groups,
     rules: PairRules,
     bodies: &mut [Body],
-    reach: f32,
     tolerance: f32,
 ) -> bool {
     contacts.for_each_group(groups, bodies, |group, contacts, bodies| {
-        group.corrected = correct_velocities(contacts, rules, bodies, reach, tolerance);
+        group.corrected = correct_velocities(contacts, rules, bodies, tolerance);
     });
     groups.were_corrected()
 }
@@ -292,7 +289,6 @@ fn correct_velocities(
     contacts: &mut [PairContact],
     rules: PairRules,
     bodies: &mut [Body],
-    reach: f32,
     tolerance: f32,
 ) -> bool {
     let mut corrected = false;
@@ -317,7 +313,7 @@ fn correct_velocities(
             change += contact.impulses.friction - old.friction;
         }
         corrected = true;
-        contact.apply(change, [first, second], reach);
+        PairContact::apply(change, [first, second]);
     }
     corrected
 }
@@ -378,13 +374,27 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
 /// How steep a contact must be, as the cosine to the vertical, to support the upper particle.
 const STEEPEST_SUPPORT: f32 = 0.2;
 
-/// Stops what still sinks onto something supported.
-pub(super) fn stop_sinking(contacts: &mut PairContacts, groups: &mut Groups, bodies: &mut [Body]) {
+/// Ends the rounds over the velocities. Impulses of resting pairs are a load, which displaced them in this
+/// substep as any force does: velocity · `reach`, s (see [`Scheme::displacement_share`]); this is taken back.
+/// And what still sinks onto something supported is stopped.
+///
+/// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
+pub(super) fn finish_velocities(
+    contacts: &mut PairContacts,
+    groups: &mut Groups,
+    bodies: &mut [Body],
+    reach: f32,
+) {
     contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
-        for contact in contacts.iter().filter(|contact| contact.supports) {
+        for contact in contacts {
             let [upper, lower] = contact.both(bodies);
+            if contact.resting {
+                let impulse = contact.impulse() * reach;
+                upper.position += impulse * upper.inverse_mass;
+                lower.position -= impulse * lower.inverse_mass;
+            }
             let approach = (upper.velocity - lower.velocity).dot(contact.normal);
-            if approach < 0.0 && upper.inverse_mass > 0.0 {
+            if contact.supports && approach < 0.0 && upper.inverse_mass > 0.0 {
                 upper.velocity -= contact.normal * approach;
             }
         }
