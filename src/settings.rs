@@ -63,7 +63,7 @@ pub enum Integrator {
     /// Stable for every stiffness, mass ratio and time step, at the least cost. Chosen at each tick, for each
     /// part of the net that springs connect, from the springs and masses:
     /// [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability bound asks for;
-    /// [`SemiImplicitEuler`](Self::SemiImplicitEuler) where damped springs ask for so many that it costs less;
+    /// [`SemiImplicitEuler`](Self::SemiImplicitEuler) where damped springs ask it for fewer;
     /// or, where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). So a stiff rope takes nothing
     /// from the motion of a soft cloth beside it. Pinned particles connect nothing; particles without
     /// springs go with the explicit part. Where nothing has springs, it is
@@ -76,7 +76,8 @@ pub enum Integrator {
     SemiImplicitEuler,
     /// x += h v + h²/2 a, v += h a. Exact for constant acceleration, first order otherwise.
     SecondOrderTaylor,
-    /// x += h v + h²/2 a, v += h/2 (a(old) + a(new)). Second order, symplectic without damping.
+    /// x += h v + h²/2 a, v += h/2 (a(old) + a(new)); a(new) is a(old) of the next substep. Second order,
+    /// symplectic without damping.
     VelocityVerlet,
     /// The classical Runge–Kutta method: four evaluations of the forces, fourth order.
     RungeKutta4,

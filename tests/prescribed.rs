@@ -99,11 +99,13 @@ fn the_motion_is_spread_evenly_over_the_substeps() {
     assert_eq!(state.particles.velocity.get(1), Vec3::X * velocity);
 }
 
-/// A tick of n substeps is the same as n ticks of one, the anchor going a part of the way in each.
+/// A tick of n substeps is the same as n ticks of one, the anchor going a part of the way in each. With
+/// damping not so of velocity Verlet, which evaluates the forces anew when a tick begins.
 #[test]
 fn substeps_are_ticks_in_small() {
     for scheme in Scheme::ALL {
-        let (mut whole, mut parts) = (pair(300.0, 2.0), pair(300.0, 2.0));
+        let damping = if scheme == Scheme::VelocityVerlet { 0.0 } else { 2.0 };
+        let (mut whole, mut parts) = (pair(300.0, damping), pair(300.0, damping));
         let target = Vec3::new(-0.25, 0.5, 0.125);
         send(&mut whole, target);
         step(&mut whole, &settings(scheme, 4));

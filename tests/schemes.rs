@@ -3,7 +3,7 @@
 mod common;
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::{PinnedMotion, Scheme, SolverState, StepSettings, step};
+use bevy_mass_spring::solver::{PairRules, PinnedMotion, Plane, Scheme, SolverState, StepSettings, step};
 use common::reference::Reference;
 
 /// The largest relative error of one f32 rounding.
@@ -89,6 +89,39 @@ fn no_scheme_follows_the_recurrence_of_another() {
             let deviation = deviation_from_recurrence(scheme, other);
             assert!(deviation > 3.0 * RECURRENCE_TOLERANCE, "{scheme:?} as {other:?}: {deviation:e}");
         }
+    }
+}
+
+/// A ball that bounces far away changes nothing of the chain, not even a rounding.
+#[test]
+fn a_contact_elsewhere_changes_nothing() {
+    for scheme in Scheme::ALL {
+        let settings = StepSettings {
+            scheme,
+            substeps: 5,
+            gravity: Vec3::Y * -9.81,
+            viscosity: 0.3,
+            pair_rules: Some(PairRules::default()),
+            ..StepSettings::default()
+        };
+        let (mut alone, mut both) = (swinging_chain(), swinging_chain());
+        both.contacts.planes.push(Plane::resting(Vec3::Y * -20.0, Vec3::Y, 0.8, 0.1));
+        both.particles.push(Vec3::new(100.0, -19.8, 0.0), Vec3::Y * -3.0, 1.0, 0.1);
+        let mut contacts = 0;
+        for tick in 0..100 {
+            for state in [&mut alone, &mut both] {
+                carry_pinned(state, settings.time_step);
+                step(state, &settings);
+            }
+            contacts += both.contacts.count();
+            for slot in 0..3 {
+                let of = |state: &SolverState| {
+                    (state.particles.position.get(slot), state.particles.velocity.get(slot))
+                };
+                assert_eq!(of(&alone), of(&both), "{scheme:?}, tick {tick}, slot {slot}");
+            }
+        }
+        assert!(contacts > 0, "{scheme:?}");
     }
 }
 

@@ -53,6 +53,11 @@ pub fn evaluate(particles: &mut Particles, springs: &mut Springs, field: Field) 
         applied_force: applied_force.axes(),
         inverse_mass,
     };
+    evaluate_motion(motion, springs, field, acceleration);
+}
+
+/// Evaluates the forces of `motion` into `acceleration`. The springs must be prepared.
+pub(super) fn evaluate_motion(motion: Motion, springs: &Springs, field: Field, acceleration: &mut Vectors) {
     let batches = springs.batches();
     let size = batches.block_size;
     let parts = batches.blocks.iter().zip(acceleration.chunks_mut(size)).enumerate();

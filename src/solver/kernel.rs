@@ -58,6 +58,26 @@ pub(super) struct Advance<'a> {
     pub moved: Moved<'a>,
 }
 
+/// Moves the particles of one block by their accelerations a: x' = x + h v + h²/2 a, v' = v + h a.
+pub(super) struct Predict<'a> {
+    pub position: [&'a mut [f32]; 3],
+    pub velocity: [&'a mut [f32]; 3],
+    pub acceleration: [&'a [f32]; 3],
+    /// The substep h, s.
+    pub substep: f32,
+}
+
+/// Writes the accelerations of the particles of one block, and corrects their velocities, which had been
+/// predicted by other ones: v' = v + h/2 (a − a predicted).
+pub(super) struct Correct<'a> {
+    pub accelerate: Accelerate<'a>,
+    pub predicted_acceleration: [&'a [f32]; 3],
+    /// The substep h, s.
+    pub substep: f32,
+    /// The new velocities.
+    pub velocity: [&'a mut [f32]; 3],
+}
+
 impl Accelerate<'_> {
     pub fn run(self) {
         pulp::Arch::new().dispatch(self);
@@ -67,6 +87,59 @@ impl Accelerate<'_> {
 impl Advance<'_> {
     pub fn run(self) {
         pulp::Arch::new().dispatch(self);
+    }
+}
+
+impl Predict<'_> {
+    pub fn run(self) {
+        pulp::Arch::new().dispatch(self);
+    }
+}
+
+impl Correct<'_> {
+    pub fn run(self) {
+        pulp::Arch::new().dispatch(self);
+    }
+}
+
+impl pulp::WithSimd for Predict<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { position, velocity, acceleration, substep } = self;
+        let axes = position.into_iter().zip(velocity).zip(acceleration);
+        for ((position, velocity), acceleration) in axes {
+            let count = acceleration.len();
+            let (position, velocity) = (&mut position[..count], &mut velocity[..count]);
+            for index in 0..count {
+                let half_kick = 0.5 * substep * acceleration[index];
+                position[index] += substep * (velocity[index] + half_kick);
+                velocity[index] += substep * acceleration[index];
+            }
+        }
+    }
+}
+
+impl pulp::WithSimd for Correct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Accelerate { block, motion, field, mut target } = self.accelerate;
+        block_accelerations(block, motion, field, &mut target);
+        let half = 0.5 * self.substep;
+        for (axis, velocity) in self.velocity.into_iter().enumerate() {
+            let count = velocity.len();
+            let range = target.start..target.start + count;
+            let predicted = &motion.velocity[axis][range];
+            let predicted_acceleration = &self.predicted_acceleration[axis][..count];
+            let acceleration = &target.acceleration[axis][..count];
+            for index in 0..count {
+                let error = acceleration[index] - predicted_acceleration[index];
+                velocity[index] = predicted[index] + half * error;
+            }
+        }
     }
 }
 

@@ -77,6 +77,7 @@ pub(super) fn advance(
     std::mem::swap(&mut state.particles.inverse_mass, &mut state.mixture.soft_inverse_mass);
     integrators::advance(state, settings, substep);
     std::mem::swap(&mut state.particles.inverse_mass, &mut state.mixture.soft_inverse_mass);
+    integrators::note_disturbance(state);
     let SolverState { particles, stiff, mixture, .. } = state;
     for (glide, &slot) in mixture.glides.iter_mut().zip(&*stiff) {
         glide.place = glide.after(done + 1, ratio);

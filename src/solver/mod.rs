@@ -139,7 +139,12 @@ pub fn step(state: &mut SolverState, settings: &StepSettings) {
         let elapsed = if index + 1 == substeps { 1.0 } else { (index + 1) as f32 / substeps as f32 };
         move_pinned(state, elapsed);
         state.contacts.resolve(&mut state.particles, &state.springs, settings, substep, elapsed);
+        if state.contacts.count() > 0 {
+            integrators::note_disturbance(state);
+        }
     }
+    state.particles.position.clear_traces();
+    state.particles.velocity.clear_traces();
 }
 
 /// Puts the pinned particles where they are after the fraction `elapsed` of the tick.

@@ -28,6 +28,8 @@ pub struct Reference {
     pub springs: Vec<ReferenceSpring>,
     pub gravity: DVec3,
     pub viscosity: f64,
+    /// The acceleration of the next step of velocity Verlet: that of the end of the one before.
+    pub carried_acceleration: Option<Vec<DVec3>>,
 }
 
 impl Reference {
@@ -95,9 +97,11 @@ impl Reference {
                 self.velocity = sum(&v, h, &a);
             }
             Scheme::VelocityVerlet => {
+                let a = self.carried_acceleration.take().unwrap_or(a);
                 self.position = sum(&sum(&x, h, &v), h * h / 2.0, &a);
                 let new_a = self.acceleration(&self.position, &sum(&v, h, &a));
                 self.velocity = sum(&sum(&v, h / 2.0, &a), h / 2.0, &new_a);
+                self.carried_acceleration = Some(new_a);
             }
             Scheme::RungeKutta4 => {
                 let (v1, a1) = (&v, &a);

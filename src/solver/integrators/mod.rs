@@ -27,7 +27,7 @@ pub enum Scheme {
     SemiImplicitEuler,
     /// x' = x + h v + h²/2 a, v' = v + h a.
     SecondOrderTaylor,
-    /// x' = x + h v + h²/2 a, v' = v + h/2 (a + a(x', v + h a)).
+    /// x' = x + h v + h²/2 a, v' = v + h/2 (a + a'), a' = a(x', v + h a), which is the a of the next substep.
     VelocityVerlet,
     /// The classical fourth-order Runge–Kutta method.
     RungeKutta4,
@@ -77,15 +77,22 @@ pub(super) struct Scratch {
     velocity: Vectors,
     position_slope: Vectors,
     velocity_slope: Vectors,
+    verlet: velocity_verlet::Carried,
     implicit_euler: implicit_euler::ImplicitEuler,
     xpbd: xpbd::Xpbd,
 }
 
 /// To be called before the first substep of a tick.
 pub(super) fn begin_tick(state: &mut SolverState, settings: &StepSettings) {
+    state.scratch.verlet = velocity_verlet::Carried::Nothing;
     if settings.scheme == Scheme::Xpbd {
         xpbd::begin_tick(state);
     }
+}
+
+/// To be called when something else than [`advance`] has moved particles within a tick.
+pub(super) fn note_disturbance(state: &mut SolverState) {
+    state.scratch.verlet.note_disturbance();
 }
 
 /// Advances positions and velocities by one substep of `substep` seconds.

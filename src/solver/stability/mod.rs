@@ -20,12 +20,15 @@ const MIN_SUBSTEPS: u32 = 4;
 /// The number of automatic substeps of position-based dynamics on springs: each is one round over them.
 const XPBD_SUBSTEPS: u32 = 20;
 
-/// The part of its largest stable step that velocity Verlet takes under `Auto`: h ω <= 1.4. Its energy
-/// is right to (hω)²/8 of that of a mode; the highest modes of a net hold little.
-const VERLET_MARGIN: f32 = 0.7;
+/// Velocity Verlet takes h ω <= 1.4 under `Auto`: its energy is right to (hω)²/8 of that of a mode; the
+/// highest modes of a net hold little.
+const VERLET_RESOLUTION: f64 = 1.4;
 
-/// The part of its largest stable step that semi-implicit Euler takes under `Auto` on damped springs, where
-/// h ω <= 1 besides: no mode is near a resonance, and the bound is rigorous.
+/// Semi-implicit Euler takes h ω <= 1 under `Auto` on springs: no mode is near a resonance.
+const FIRST_ORDER_RESOLUTION: f64 = 1.0;
+
+/// The part of its largest stable step that a scheme takes under `Auto`, where damping asks for shorter steps
+/// than its resolution: the bound is rigorous.
 const DAMPED_MARGIN: f32 = 0.95;
 
 /// Semi-implicit Euler is right to the first order only: under `Auto` it needs so many substeps at least.
@@ -36,8 +39,9 @@ const IMPLICIT_SUBSTEPS_WITH_LOOPS: u32 = 2;
 
 /// Up to so many substeps of velocity Verlet cost less than the automatic ones of implicit Euler.
 ///
-/// Measured in ns for a spring: a substep of velocity Verlet about 4; one of implicit Euler 200 where it is
-/// solved directly (two Newton steps), about 1,400 by conjugate gradients on a stiff sheet.
+/// Measured in ns for a spring: a substep of velocity Verlet about 2, or 4 where there are contacts; one of
+/// implicit Euler 200 where it is solved directly (two Newton steps), about 1,400 by conjugate gradients on
+/// a stiff sheet.
 const MOST_EXPLICIT_WITHOUT_LOOPS: u32 = 192;
 
 /// See [`MOST_EXPLICIT_WITHOUT_LOOPS`]. The cost would allow twice as many, but the rounding of positions
@@ -99,10 +103,9 @@ impl FrequencyBounds {
     /// infinite, and is 0 where the scheme is never stable (explicit Euler without damping).
     ///
     /// From the Jury conditions on the 2×2 step matrix of one mode x'' = −ω² x − γ x', taken at the
-    /// worst mode within the bounds. For the two explicit Euler schemes and the Taylor scheme the condition is
-    /// exact for whole nets too (every eigenvalue solves the scalar equation with its own Rayleigh
-    /// quotients); for velocity Verlet with damping and Runge–Kutta it is that of modes which the
-    /// damping does not couple.
+    /// worst mode within the bounds. They are exact for whole nets too (every eigenvalue solves the scalar
+    /// equation with its own Rayleigh quotients), but for Runge–Kutta, where they are those of modes
+    /// which the damping does not couple.
     pub fn largest_stable_step(&self, scheme: Scheme) -> f32 {
         let Self { angular_frequency: omega, damping_rate: gamma, retardation_time, .. } = *self;
         let real_limit = 2.0 / gamma;
@@ -113,7 +116,8 @@ impl FrequencyBounds {
             Scheme::SemiImplicitEuler => 4.0 / (gamma + gamma.hypot(2.0 * omega)),
             // 1 − hγ + h²ω²/2 <= 1, and hγ < 2
             Scheme::SecondOrderTaylor => real_limit.min(2.0 * retardation_time),
-            Scheme::VelocityVerlet => velocity_verlet_limit(omega, gamma),
+            // h²ω² + 4hγ < 4, from λ³ + (h²ω² + 3/2 hγ − 2) λ² + (1 − 2hγ) λ + hγ/2 = 0
+            Scheme::VelocityVerlet => 2.0 / (gamma + gamma.hypot(omega)),
             Scheme::RungeKutta4 => 2.0 * RUNGE_KUTTA_4_RADIUS / (gamma + gamma.hypot(2.0 * omega)),
             Scheme::ImplicitEuler | Scheme::Xpbd => f64::INFINITY,
         };
@@ -124,8 +128,8 @@ impl FrequencyBounds {
     /// substeps, `least` at least.
     ///
     /// On springs velocity Verlet, whose energy does not waver with the velocities as that of the Euler
-    /// schemes does; unless they are damped and ask for so many substeps that semi-implicit Euler, at one
-    /// evaluation of the forces each, is accurate too and costs less; or for so many that implicit Euler,
+    /// schemes does; unless they are damped and ask for so many substeps that semi-implicit Euler, which
+    /// damping makes stable with fewer, is accurate too and costs less; or for so many that implicit Euler,
     /// which is stable whatever they are, does. Without springs semi-implicit Euler.
     pub fn cheapest(&self, time_step: f32, least: u32) -> (Scheme, u32) {
         if self.angular_frequency == 0.0 {
@@ -137,8 +141,8 @@ impl FrequencyBounds {
         if !self.is_stiff(time_step, least) {
             let verlet = self.verlet_substeps(time_step).max(least);
             return match self.damped_substeps(time_step).map(|substeps| substeps.max(least)) {
-                // Each is one evaluation of the forces; one of velocity Verlet is two.
-                Some(damped) if damped < 2 * verlet => (Scheme::SemiImplicitEuler, damped),
+                // Each is one evaluation of the forces; velocity Verlet needs another one in each tick.
+                Some(damped) if damped <= verlet => (Scheme::SemiImplicitEuler, damped),
                 _ => (Scheme::VelocityVerlet, verlet),
             };
         }
@@ -149,16 +153,19 @@ impl FrequencyBounds {
     /// The substeps of semi-implicit Euler in a tick of `time_step` seconds under `Auto`, if the net is damped
     /// and they are many enough to be accurate.
     fn damped_substeps(&self, time_step: f32) -> Option<u32> {
-        let resolved = 1.0 / self.angular_frequency as f32;
-        let limit = resolved.min(DAMPED_MARGIN * self.largest_stable_step(Scheme::SemiImplicitEuler));
-        let substeps = (time_step / limit).ceil() as u32;
+        let substeps = self.resolving_substeps(Scheme::SemiImplicitEuler, FIRST_ORDER_RESOLUTION, time_step);
         (self.damping_rate > 0.0 && substeps >= FEWEST_FIRST_ORDER_SUBSTEPS).then_some(substeps)
     }
 
     /// The substeps of velocity Verlet in a tick of `time_step` seconds under `Auto`.
     fn verlet_substeps(&self, time_step: f32) -> u32 {
-        let limit = VERLET_MARGIN * self.largest_stable_step(Scheme::VelocityVerlet);
-        ((time_step / limit).ceil() as u32).max(MIN_SUBSTEPS)
+        self.resolving_substeps(Scheme::VelocityVerlet, VERLET_RESOLUTION, time_step).max(MIN_SUBSTEPS)
+    }
+
+    /// So many substeps of an explicit scheme that h ω <= `resolution` and damping leaves it stable.
+    fn resolving_substeps(&self, scheme: Scheme, resolution: f64, time_step: f32) -> u32 {
+        let resolved = (resolution / self.angular_frequency) as f32;
+        (time_step / resolved.min(DAMPED_MARGIN * self.largest_stable_step(scheme))).ceil() as u32
     }
 
     /// Whether a tick of `time_step` seconds, of `least` substeps at least, costs less by implicit Euler.
@@ -194,16 +201,6 @@ impl FrequencyBounds {
 
 /// The radius of the largest half-disk of the left half-plane in which |1 + z + z²/2 + z³/6 + z⁴/24| <= 1.
 const RUNGE_KUTTA_4_RADIUS: f64 = 2.615;
-
-/// With A = h²ω² and G = hγ, a mode is stable where A < 3 + (1 − G)² and G < 2. Modes with less
-/// damping than the bound count too, so past G = 1 only A < 3 is left.
-fn velocity_verlet_limit(omega: f64, gamma: f64) -> f64 {
-    let light_damping = 4.0 / (gamma + (4.0 * omega * omega - 3.0 * gamma * gamma).sqrt());
-    if gamma * light_damping < 1.0 {
-        return light_damping;
-    }
-    (2.0 / gamma).min(3.0_f64.sqrt() / omega)
-}
 
 #[cfg(test)]
 mod tests {
@@ -246,9 +243,7 @@ mod tests {
             Scheme::ExplicitEuler => (2.0 - g, 1.0 - g + a),
             Scheme::SemiImplicitEuler => (2.0 - a - g, 1.0 - g),
             Scheme::SecondOrderTaylor => (2.0 - a / 2.0 - g, 1.0 - g + a / 2.0),
-            Scheme::VelocityVerlet => {
-                (2.0 - a - g + a * g / 4.0 + g * g / 2.0, 1.0 - g + g * g / 2.0 - a * g / 4.0)
-            }
+            Scheme::VelocityVerlet => return cubic_radius([a + 1.5 * g - 2.0, 1.0 - 2.0 * g, g / 2.0]),
             Scheme::RungeKutta4 => return runge_kutta_4_radius(a, g),
             // One spring by itself is solved for exactly.
             Scheme::ImplicitEuler | Scheme::Xpbd => {
@@ -256,11 +251,30 @@ mod tests {
                 ((2.0 + g) / denominator, 1.0 / denominator)
             }
         };
+        quadratic_radius(trace, determinant)
+    }
+
+    /// The largest modulus of the roots of λ² − trace λ + determinant.
+    fn quadratic_radius(trace: f64, determinant: f64) -> f64 {
         let discriminant = trace * trace / 4.0 - determinant;
         if discriminant < 0.0 {
             return determinant.sqrt();
         }
         (trace / 2.0).abs() + discriminant.sqrt()
+    }
+
+    /// The largest modulus of the roots of λ³ + b λ² + c λ + d.
+    fn cubic_radius([b, c, d]: [f64; 3]) -> f64 {
+        // One is real, within Cauchy's bound; the other two follow when it is divided off.
+        let bound = 1.0 + b.abs().max(c.abs()).max(d.abs());
+        let (mut low, mut high) = (-bound, bound);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            let value = ((middle + b) * middle + c) * middle + d;
+            *(if value < 0.0 { &mut low } else { &mut high }) = middle;
+        }
+        let root = 0.5 * (low + high);
+        root.abs().max(quadratic_radius(-(b + root), c + root * (b + root)))
     }
 
     fn runge_kutta_4_radius(a: f64, g: f64) -> f64 {
@@ -316,7 +330,7 @@ mod tests {
             (Scheme::ExplicitEuler, 20.0),
             (Scheme::SemiImplicitEuler, 20.0),
             (Scheme::SecondOrderTaylor, 20.0),
-            (Scheme::VelocityVerlet, 0.0),
+            (Scheme::VelocityVerlet, 20.0),
         ] {
             let bounds = FrequencyBounds {
                 angular_frequency: 30.0,
