@@ -88,12 +88,17 @@ impl ImplicitEuler {
                 particles.acceleration.set(slot, Vec3::ZERO);
                 continue;
             }
-            let mut velocity = free_velocity(particles, slot, field, h);
-            let node = topology.nodes[slot];
-            if node != NOBODY {
-                velocity += (system.position[node as usize] - system.flight[node as usize]) / h;
-            }
-            let position = particles.position.get(slot).as_dvec3() + h * velocity;
+            let start = particles.position.get(slot).as_dvec3();
+            let (position, velocity) = match topology.nodes[slot] {
+                NOBODY => {
+                    let velocity = free_velocity(particles, slot, field, h);
+                    (start + h * velocity, velocity)
+                }
+                node => {
+                    let position = system.position[node as usize];
+                    (position, (position - start) / h)
+                }
+            };
             let acceleration = (velocity - particles.velocity.get(slot).as_dvec3()) / h;
             particles.position.set(slot, position.as_vec3());
             particles.velocity.set(slot, velocity.as_vec3());
