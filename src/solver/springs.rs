@@ -1,5 +1,7 @@
 //! Springs as a structure of arrays.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use super::batches::Batches;
 
 /// The springs, one slot each.
@@ -10,8 +12,21 @@ pub struct Springs {
     rest_length: Vec<f32>,
     stiffness: Vec<f32>,
     damping: Vec<f32>,
+    ends_version: EndsVersion,
     /// The same springs in the order in which the kernel takes them.
     batches: Batches,
+}
+
+/// Springs of the same version have the same ends.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct EndsVersion(u64);
+
+impl EndsVersion {
+    /// One that no springs ever had.
+    fn new() -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        Self(NEXT.fetch_add(1, Ordering::Relaxed))
+    }
 }
 
 impl Springs {
@@ -32,6 +47,7 @@ impl Springs {
         self.rest_length.clear();
         self.stiffness.clear();
         self.damping.clear();
+        self.ends_version = EndsVersion::new();
         self.batches.invalidate();
     }
 
@@ -43,6 +59,7 @@ impl Springs {
         self.rest_length.push(rest_length);
         self.stiffness.push(stiffness);
         self.damping.push(damping);
+        self.ends_version = EndsVersion::new();
         let (lower, upper) = (first.min(second), first.max(second));
         self.batches.append([lower as u32, upper as u32], [rest_length, stiffness, damping]);
     }
@@ -75,6 +92,7 @@ impl Springs {
         for end in self.first.iter_mut().chain(&mut self.second) {
             *end = new_slots[*end as usize];
         }
+        self.ends_version = EndsVersion::new();
         self.batches.invalidate();
     }
 
@@ -107,6 +125,11 @@ impl Springs {
     /// Damping coefficients, N·s/m.
     pub fn damping(&self) -> &[f32] {
         &self.damping
+    }
+
+    /// Changes whenever a spring gets other ends, or one comes.
+    pub(super) fn ends_version(&self) -> EndsVersion {
+        self.ends_version
     }
 
     /// Sorts the springs between `particles` particles into batches, if they are not yet.

@@ -5,6 +5,7 @@
 
 mod explicit_euler;
 mod implicit_euler;
+mod net;
 mod runge_kutta_4;
 mod second_order_taylor;
 mod semi_implicit_euler;

@@ -23,6 +23,7 @@ use super::super::forces::Field;
 use super::super::particles::{Particles, set};
 use super::super::springs::Springs;
 use super::free_velocity;
+use super::net::Net;
 
 /// What is kept from substep to substep.
 #[derive(Debug, Clone, Default)]
@@ -64,39 +65,26 @@ struct Order {
     block_ends: Vec<usize>,
     /// Particles in each block but the last.
     block_size: usize,
-    first: Vec<u32>,
-    second: Vec<u32>,
-    free: Vec<bool>,
+    net: Net,
 }
 
 impl Order {
     fn refresh(&mut self, springs: &Springs, inverse_mass: &[f32], block_size: usize) {
-        let known = self.block_size == block_size
-            && self.first == springs.first()
-            && self.second == springs.second()
-            && self.free.len() == inverse_mass.len()
-            && self.free.iter().zip(inverse_mass).all(|(free, inverse)| *free == (*inverse > 0.0));
-        if known {
-            return;
+        let is_new = self.net.refresh(springs, inverse_mass);
+        if is_new || self.block_size != block_size {
+            self.block_size = block_size;
+            self.sort(springs);
         }
-        self.block_size = block_size;
-        self.first.clear();
-        self.first.extend_from_slice(springs.first());
-        self.second.clear();
-        self.second.extend_from_slice(springs.second());
-        self.free.clear();
-        self.free.extend(inverse_mass.iter().map(|inverse| *inverse > 0.0));
-        self.sort(springs);
     }
 
     /// Gives each spring in turn the first colour that none has at its ends, and sorts by block and colour.
     fn sort(&mut self, springs: &Springs) {
-        let count = self.free.len().div_ceil(self.block_size);
-        let mut taken: Vec<Vec<u32>> = vec![Vec::new(); self.free.len()];
+        let count = self.net.free.len().div_ceil(self.block_size);
+        let mut taken: Vec<Vec<u32>> = vec![Vec::new(); self.net.free.len()];
         let mut colored: Vec<(usize, u32, u32)> = Vec::with_capacity(springs.len());
         for spring in 0..springs.len() {
             let (first, second) = springs.ends(spring);
-            let ends = [first, second].map(|end| self.free[end].then_some(end));
+            let ends = [first, second].map(|end| self.net.free[end].then_some(end));
             let is_free = |color: &u32| ends.iter().flatten().all(|end| !taken[*end].contains(color));
             let color = (0..).find(is_free).unwrap_or(0);
             for end in ends.into_iter().flatten() {

@@ -13,6 +13,7 @@
 //! so that the two halves are eliminated side by side, which the processor does at the same time.
 
 use super::super::super::springs::Springs;
+use super::super::net::Net;
 use super::hierarchy::Hierarchy;
 
 /// The nodes, the springs between them, and the order of elimination.
@@ -44,7 +45,7 @@ pub(super) struct Topology {
     /// Whether each part hangs on a pinned particle.
     pub anchored: Vec<bool>,
     /// The net for which all this holds.
-    known: Known,
+    net: Net,
 }
 
 /// Links of the core whose ends walk along the arrays; core nodes are numbered from 0 here.
@@ -53,22 +54,6 @@ pub(super) struct Run {
     pub first: usize,
     pub second: usize,
     pub count: usize,
-}
-
-#[derive(Debug, Clone, Default)]
-struct Known {
-    first: Vec<u32>,
-    second: Vec<u32>,
-    free: Vec<bool>,
-}
-
-impl Known {
-    fn is(&self, springs: &Springs, inverse_mass: &[f32]) -> bool {
-        self.free.len() == inverse_mass.len()
-            && self.free.iter().zip(inverse_mass).all(|(free, inverse)| *free == (*inverse > 0.0))
-            && self.first == springs.first()
-            && self.second == springs.second()
-    }
 }
 
 /// The node of a slot that is none.
@@ -87,16 +72,10 @@ impl Topology {
 
     /// Makes it that of `springs` between particles of `inverse_mass`; says whether it was not yet.
     pub fn refresh(&mut self, springs: &Springs, inverse_mass: &[f32]) -> bool {
-        if self.known.is(springs, inverse_mass) {
+        if !self.net.refresh(springs, inverse_mass) {
             return false;
         }
-        self.known.first.clear();
-        self.known.first.extend_from_slice(springs.first());
-        self.known.second.clear();
-        self.known.second.extend_from_slice(springs.second());
-        self.known.free.clear();
-        self.known.free.extend(inverse_mass.iter().map(|inverse| *inverse > 0.0));
-        let neighbours = Neighbours::of(&self.known);
+        let neighbours = Neighbours::of(springs, &self.net.free);
         let parent_slots = self.number(&neighbours, springs);
         let nobody = self.len() as u32;
         self.parents.clear();
@@ -110,9 +89,9 @@ impl Topology {
 
     /// Numbers the nodes; returns the slot of each tree node's parent.
     fn number(&mut self, neighbours: &Neighbours, springs: &Springs) -> Vec<Option<u32>> {
-        let count = self.known.free.len();
+        let count = self.net.free.len();
         let mut joined = vec![false; count];
-        let free = |slot: usize| self.known.free[slot];
+        let free = |slot: usize| self.net.free[slot];
         for (first, second) in (0..springs.len()).map(|spring| springs.ends(spring)) {
             // A spring between two pinned particles is nobody's.
             if free(first) || free(second) {
@@ -230,22 +209,23 @@ struct Neighbours {
 }
 
 impl Neighbours {
-    fn of(known: &Known) -> Self {
-        let free = |slot: u32| known.free[slot as usize];
-        let mut pairs: Vec<(u32, u32)> = known
-            .first
+    fn of(springs: &Springs, free: &[bool]) -> Self {
+        let count = free.len();
+        let free = |slot: u32| free[slot as usize];
+        let mut pairs: Vec<(u32, u32)> = springs
+            .first()
             .iter()
-            .zip(&known.second)
+            .zip(springs.second())
             .filter(|(first, second)| free(**first) && free(**second))
             .flat_map(|(&first, &second)| [(first, second), (second, first)])
             .collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let mut starts = vec![0; known.free.len() + 1];
+        let mut starts = vec![0; count + 1];
         for (slot, _) in &pairs {
             starts[*slot as usize + 1] += 1;
         }
-        for slot in 0..known.free.len() {
+        for slot in 0..count {
             starts[slot + 1] += starts[slot];
         }
         Self { starts, others: pairs.into_iter().map(|(_, other)| other).collect() }
