@@ -4,14 +4,15 @@
 //! correction shared by mass), the approaching part of their velocity is removed, and given back with
 //! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
 //! mass. The files: `response.rs` the formulas; `grid.rs`, `joints.rs`, `candidates.rs` and `list.rs` who may
-//! touch whom; `regions.rs` what can be solved at the same time; `pairs.rs` and `plane.rs` the two kinds of
-//! contact.
+//! touch whom; `narrow.rs` who does; `regions.rs` what can be solved at the same time; `pairs.rs` and `plane.rs`
+//! the two kinds of contact.
 
 mod bodies;
 mod candidates;
 mod grid;
 mod joints;
 mod list;
+mod narrow;
 mod pairs;
 mod plane;
 mod regions;
@@ -202,7 +203,7 @@ impl Contacts {
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
-            pairs::find(candidates, bodies, &particles.acceleration, rebound, up, pair_contacts);
+            narrow::find(candidates, bodies, &particles.acceleration, rebound, up, pair_contacts);
         }
     }
 
