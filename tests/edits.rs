@@ -3,10 +3,12 @@
 
 mod common;
 
+use bevy::app::{TaskPoolOptions, TaskPoolThreadAssignmentPolicy};
 use bevy::prelude::*;
+use bevy::tasks::ComputeTaskPool;
 use bevy_mass_spring::prelude::*;
 
-use common::{position, report, run, scheme, velocity};
+use common::{TICK, position, report, run, scheme, velocity};
 
 const SIDE: usize = 20;
 
@@ -16,9 +18,17 @@ struct Net {
     springs: Vec<Entity>,
 }
 
-/// Four substeps, so that the number does not hang on a rounding of the stability bound.
+/// On three threads. Four substeps, so that the number does not hang on a rounding of the stability bound.
 fn app() -> App {
-    let mut app = common::app();
+    let compute = TaskPoolThreadAssignmentPolicy {
+        min_threads: 3,
+        max_threads: 3,
+        percent: 1.0,
+        on_thread_spawn: None,
+        on_thread_destroy: None,
+    };
+    let pools = TaskPoolOptions { compute, ..default() };
+    let mut app = common::app_on(pools, MassSpringPlugin::default());
     app.insert_resource(scheme(Integrator::SemiImplicitEuler, 4));
     app
 }
@@ -131,5 +141,40 @@ fn an_edited_net_goes_on_like_one_made_anew() {
         }
         let counts = |app: &App| (report(app).particles, report(app).springs);
         assert_eq!(counts(&app), counts(&copy));
+    }
+}
+
+/// Tables of 20,000 particles, shared among threads where there are several: with holes in their slots, in
+/// another order than these, one table with forces and one without. Each particle moves at its own velocity;
+/// all numbers are dyadic, so that it arrives to the bit.
+#[test]
+fn every_particle_of_large_tables_is_copied() {
+    let mut app = app();
+    assert_eq!(ComputeTaskPool::get().thread_num(), 3);
+    app.insert_resource(Environment { gravity: Vec3::ZERO, viscosity: 0.0, ..default() });
+    let own = |number: usize| Vec3::new((number % 128) as f32, (number / 128) as f32, 1.0);
+    let mut particles: Vec<_> = (0..40_000)
+        .map(|number| {
+            let place = Transform::from_translation(-own(number));
+            app.world_mut().spawn((Particle::new(1.0, 0.0), ParticleVelocity(own(number)), place)).id()
+        })
+        .collect();
+    run(&mut app, 1);
+    // The second half goes into another table backwards; every seventh leaves.
+    for &particle in particles[20_000..].iter().rev() {
+        app.world_mut().entity_mut(particle).insert(AppliedForce(Vec3::X * 64.0));
+    }
+    for number in (0..40_000).step_by(7).rev() {
+        app.world_mut().despawn(particles[number]);
+        particles[number] = Entity::PLACEHOLDER;
+    }
+    run(&mut app, 1);
+    assert_eq!(report(&app).particles as usize, 40_000 - 40_000_usize.div_ceil(7));
+    for (number, &particle) in particles.iter().enumerate().filter(|(number, _)| number % 7 != 0) {
+        let kick = if number < 20_000 { Vec3::ZERO } else { Vec3::X };
+        assert_eq!(velocity(&app, particle), own(number) + kick, "particle {number}");
+        let [least, most] = [0.0, TICK].map(|gain| own(number) * (2.0 * TICK - 1.0) + kick * gain);
+        let place = position(&app, particle);
+        assert!(place.cmpge(least).all() && place.cmple(most).all(), "particle {number}: {place}");
     }
 }

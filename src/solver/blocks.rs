@@ -16,7 +16,7 @@ const PATIENCE: u32 = 5000;
 /// This thread takes parts too, and each helper takes the next one when it has done one: as many threads
 /// compute as the pool has, a helper that wakes late costs nothing, and there is one task a helper, not
 /// one a part.
-pub(super) fn for_each<Part: Send>(
+pub(crate) fn for_each<Part: Send>(
     parts: impl Iterator<Item = Part> + Send,
     parallel: bool,
     work: impl Fn(Part) + Sync,

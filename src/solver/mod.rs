@@ -28,7 +28,7 @@
 //! ```
 
 mod batches;
-mod blocks;
+pub(crate) mod blocks;
 pub mod contacts;
 pub mod energy;
 pub mod forces;

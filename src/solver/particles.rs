@@ -116,9 +116,14 @@ impl Vectors {
     }
 }
 
+/// Cuts off the first `count` vectors of a piece of [`Vectors`].
+pub(crate) fn cut_off<'a>(piece: &mut [&'a mut [f32]; 3], count: usize) -> [&'a mut [f32]; 3] {
+    piece.each_mut().map(|axis| axis.split_off_mut(..count).expect("there are so many vectors"))
+}
+
 /// Replaces the vector in place `place` of a piece of [`Vectors`].
 #[inline]
-pub(super) fn set(piece: &mut [&mut [f32]; 3], place: usize, value: Vec3) {
+pub(crate) fn set(piece: &mut [&mut [f32]; 3], place: usize, value: Vec3) {
     for (axis, value) in piece.iter_mut().zip(value.to_array()) {
         axis[place] = value;
     }

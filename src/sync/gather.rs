@@ -1,5 +1,6 @@
 //! Particles into arrays.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use bevy::ecs::query::QueryData;
@@ -9,7 +10,8 @@ use bevy::prelude::*;
 use crate::collider::PlaneCollider;
 use crate::parameter;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned};
-use crate::solver::{PinnedMotion, SolverState};
+use crate::solver::particles::{cut_off, set};
+use crate::solver::{self, PinnedMotion, SolverState, blocks};
 
 use super::Simulation;
 use super::hierarchy::{Hierarchy, to_world};
@@ -29,6 +31,8 @@ pub(super) struct Gathered {
     pub faults: Vec<usize>,
     /// Particles whose applied force is not finite, in the last tick and in this one.
     bad_forces: [Vec<Entity>; 2],
+    /// Rows of a table that are copied one by one.
+    exceptions: Vec<usize>,
 }
 
 /// All that a tick reads of a particle.
@@ -75,8 +79,13 @@ fn gather_particles(
     particles: &Particles,
     hierarchy: &Hierarchy,
 ) {
-    let Gathered { parented: parented_slots, faults, bad_forces: [old_bad_forces, bad_forces], .. } =
-        gathered;
+    let Gathered {
+        parented: parented_slots,
+        faults,
+        bad_forces: [old_bad_forces, bad_forces],
+        exceptions,
+        ..
+    } = gathered;
     parented_slots.clear();
     faults.clear();
     std::mem::swap(old_bad_forces, bad_forces);
@@ -86,7 +95,7 @@ fn gather_particles(
     let mut gathering = Gathering { index, simulation, faults, bad_forces };
     let tables = particles.free_standing.contiguous_iter();
     for table in tables.expect("these components are all stored in tables") {
-        gathering.copy_table(table);
+        gathering.copy_table(table, exceptions);
     }
     let mut known_parent = None;
     for (particle, &ChildOf(parent)) in &particles.parented {
@@ -120,42 +129,22 @@ impl Gathering<'_> {
     fn copy_table(
         &mut self,
         table: <ParticleData as bevy::ecs::query::ContiguousQueryData>::Contiguous<'_, '_>,
+        exceptions: &mut Vec<usize>,
     ) {
         let (entities, slots, particles, transforms, velocities, forces, pinned) = table;
-        for row in 0..entities.len() {
-            let (particle, position, velocity) =
-                (&particles[row], transforms[row].translation, &velocities[row]);
-            if !pinned && forces.is_none() && self.copy_unchanged(&slots[row], particle, position, velocity.0)
-            {
-                continue;
-            }
+        exceptions.clear();
+        if pinned || forces.is_some() {
+            exceptions.extend(0..entities.len());
+        } else {
+            let rows = Rows { slots, particles, transforms, velocities };
+            rows.copy_unchanged(&mut self.simulation.state.particles, exceptions);
+        }
+        for &row in &*exceptions {
             let force = forces.map(|forces| &forces[row]);
-            let data = (entities[row], &slots[row], particle, &transforms[row], velocity, force, pinned);
-            self.copy(data, position);
+            let (transform, velocity) = (&transforms[row], &velocities[row]);
+            let data = (entities[row], &slots[row], &particles[row], transform, velocity, force, pinned);
+            self.copy(data, transform.translation);
         }
-    }
-
-    /// Copies the state of a free particle, if all is well with it and its parameters are known already.
-    #[inline]
-    fn copy_unchanged(
-        &mut self,
-        slot: &Slot<Particle>,
-        particle: &Particle,
-        position: Vec3,
-        velocity: Vec3,
-    ) -> bool {
-        let particles = &mut self.simulation.state.particles;
-        let Some(slot) = slot.get() else { return true };
-        // Zero times a finite number is zero; the sum is finite unless one of the six is not, or nearly so.
-        let checksum = (position + velocity).element_sum() * 0.0;
-        let known =
-            1.0 / particle.mass == particles.inverse_mass[slot] && particle.radius == particles.radius[slot];
-        if !known || checksum != 0.0 {
-            return false;
-        }
-        particles.position.set(slot, position);
-        particles.velocity.set(slot, velocity);
-        true
     }
 
     /// Copies one particle that stands at `position` in the world.
@@ -203,6 +192,64 @@ impl Gathering<'_> {
             return Vec3::ZERO;
         }
         force
+    }
+}
+
+/// So many rows of a table are copied as one part.
+pub(super) const ROWS: usize = 4096;
+
+/// From so many rows on the parts are shared among threads: to copy fewer takes not much longer than to wake
+/// them.
+pub(super) const WORTH_SHARING: usize = 16_384;
+
+/// A table of free particles.
+struct Rows<'a> {
+    slots: &'a [Slot<Particle>],
+    particles: &'a [Particle],
+    transforms: &'a [Transform],
+    velocities: &'a [ParticleVelocity],
+}
+
+impl Rows<'_> {
+    /// Copies those with which all is well and whose parameters are known already. The others are
+    /// `exceptions`, in order.
+    fn copy_unchanged(&self, to: &mut solver::Particles, exceptions: &mut Vec<usize>) {
+        let solver::Particles { position, velocity, inverse_mass, radius, .. } = to;
+        let (count, size) = (self.slots.len(), if self.are_in_order() { ROWS } else { self.slots.len() });
+        let (mut positions, mut velocities, mut passed) = (position.axes_mut(), velocity.axes_mut(), 0);
+        let parts = (0..count).step_by(size.max(1)).map(|first| {
+            // A part owns the slots up to the first one of the next part.
+            let end = self.slots.get(first + size).and_then(Slot::get).unwrap_or(inverse_mass.len());
+            let start = std::mem::replace(&mut passed, end);
+            let rows = first..count.min(first + size);
+            (rows, start, cut_off(&mut positions, end - start), cut_off(&mut velocities, end - start))
+        });
+        let found = Mutex::new(&mut *exceptions);
+        blocks::for_each(parts, count >= WORTH_SHARING, |(rows, start, mut positions, mut velocities)| {
+            for row in rows {
+                let Some(slot) = self.slots[row].get() else { continue };
+                let (particle, position, velocity) =
+                    (&self.particles[row], self.transforms[row].translation, self.velocities[row].0);
+                // Zero times a finite number is zero; the sum is finite unless one of the six is not, or
+                // nearly so.
+                let checksum = (position + velocity).element_sum() * 0.0;
+                let known = 1.0 / particle.mass == inverse_mass[slot] && particle.radius == radius[slot];
+                let place = slot.wrapping_sub(start);
+                if known && checksum == 0.0 && place < positions[0].len() {
+                    set(&mut positions, place, position);
+                    set(&mut velocities, place, velocity);
+                } else {
+                    found.lock().unwrap_or_else(PoisonError::into_inner).push(row);
+                }
+            }
+        });
+        exceptions.sort_unstable();
+    }
+
+    /// Whether the first rows of all parts are in the order of their slots.
+    fn are_in_order(&self) -> bool {
+        let mut firsts = self.slots.iter().step_by(ROWS).map(Slot::get);
+        firsts.all(|slot| slot.is_some()) && self.slots.iter().step_by(ROWS).is_sorted_by_key(Slot::get)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Arrays back into components, and what the tick has to tell.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use bevy::ecs::change_detection::ContiguousMut;
@@ -9,11 +10,11 @@ use bevy::prelude::*;
 use crate::collider::Contact;
 use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::{ParticleFault, TickReport};
-use crate::solver::Particles;
 use crate::solver::contacts::{ContactPartner, ContactRecord};
+use crate::solver::{Particles, blocks};
 
 use super::Simulation;
-use super::gather::Gathered;
+use super::gather::{Gathered, ROWS, WORTH_SHARING};
 use super::hierarchy::{to_local, world_transform};
 use super::index::Index;
 use super::planes::GatheredPlanes;
@@ -69,23 +70,40 @@ fn scatter_particles(
         let (transforms, mut transform_ticks) = ContiguousMut::bypass_change_detection_split(transforms);
         let (velocities, mut velocity_ticks) = ContiguousMut::bypass_change_detection_split(velocities);
         let now = transform_ticks.this_run();
-        for row in 0..slots.len() {
-            let Some(slot) = slots[row].get() else { continue };
-            let new_velocity = finite_velocity(particles, slot, faults);
-            let velocity = ParticleVelocity(new_velocity.unwrap_or_default());
-            if velocities[row] != velocity {
-                velocities[row] = velocity;
-                velocity_ticks.changed_mut()[row] = now;
-            }
-            let position = particles.position.get(slot);
-            if new_velocity.is_some() && !pinned && transforms[row].translation != position {
-                transforms[row].translation = position;
-                transform_ticks.changed_mut()[row] = now;
-            }
-        }
+        let changed =
+            transform_ticks.changed_mut().chunks_mut(ROWS).zip(velocity_ticks.changed_mut().chunks_mut(ROWS));
+        let parts =
+            slots.chunks(ROWS).zip(transforms.chunks_mut(ROWS)).zip(velocities.chunks_mut(ROWS)).zip(changed);
+        let found = Mutex::new(&mut *faults);
+        blocks::for_each(
+            parts,
+            slots.len() >= WORTH_SHARING,
+            |(((slots, transforms), velocities), (moved, accelerated))| {
+                for row in 0..slots.len() {
+                    let Some(slot) = slots[row].get() else { continue };
+                    let new_velocity = finite_velocity(particles, slot);
+                    if new_velocity.is_none() {
+                        found.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
+                    }
+                    let velocity = ParticleVelocity(new_velocity.unwrap_or_default());
+                    if velocities[row] != velocity {
+                        velocities[row] = velocity;
+                        accelerated[row] = now;
+                    }
+                    let position = particles.position.get(slot);
+                    if new_velocity.is_some() && !pinned && transforms[row].translation != position {
+                        transforms[row].translation = position;
+                        moved[row] = now;
+                    }
+                }
+            },
+        );
     }
     for &(_, slot, entity) in &*parented {
-        let new_velocity = finite_velocity(particles, slot, faults);
+        let new_velocity = finite_velocity(particles, slot);
+        if new_velocity.is_none() {
+            faults.push(slot);
+        }
         let mut velocities = queries.p1();
         let Ok((mut velocity, pinned)) = velocities.get_mut(entity) else { continue };
         velocity.set_if_neq(ParticleVelocity(new_velocity.unwrap_or_default()));
@@ -95,14 +113,10 @@ fn scatter_particles(
     }
 }
 
-/// The velocity in a slot, if the state there is finite; a slot that is not becomes a fault.
-fn finite_velocity(particles: &Particles, slot: usize, faults: &mut Vec<usize>) -> Option<Vec3> {
+/// The velocity in a slot, if the state there is finite.
+fn finite_velocity(particles: &Particles, slot: usize) -> Option<Vec3> {
     let velocity = particles.velocity.get(slot);
-    if velocity.is_finite() && particles.position.get(slot).is_finite() {
-        return Some(velocity);
-    }
-    faults.push(slot);
-    None
+    (velocity.is_finite() && particles.position.get(slot).is_finite()).then_some(velocity)
 }
 
 /// Moves a particle with a parent to `position` in the world.
