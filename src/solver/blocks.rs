@@ -25,7 +25,8 @@ pub(crate) fn for_each<Part: Send>(
     let Some(pool) = pool else {
         return parts.for_each(work);
     };
-    let helpers = parts.size_hint().0.min(pool.thread_num()).saturating_sub(1);
+    let most = parts.size_hint().1.unwrap_or(usize::MAX);
+    let helpers = most.min(pool.thread_num()).saturating_sub(1);
     let parts = Mutex::new(parts);
     let next = || parts.lock().unwrap_or_else(PoisonError::into_inner).next();
     let help = || {
