@@ -46,6 +46,11 @@ impl SolverSettings {
         self.choose(bounds, time_step).into()
     }
 
+    /// Whether the choice depends on the bounds.
+    pub(crate) fn wants_bounds(&self) -> bool {
+        self.integrator == Integrator::Auto || self.substeps == Substeps::Auto
+    }
+
     /// So many substeps the user asks for.
     fn least_substeps(&self) -> u32 {
         match self.substeps {

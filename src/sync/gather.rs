@@ -157,7 +157,8 @@ impl Gathering<'_> {
             if state.particles.inverse_mass[slot] != inverse_mass {
                 state.particles.inverse_mass[slot] = inverse_mass;
                 state.contacts.invalidate();
-                self.simulation.bounds_are_stale = true;
+                // Springs that came with it have said so themselves.
+                self.simulation.bounds_are_stale |= !self.index.fresh[slot];
             }
             if state.particles.radius[slot] != particle.radius {
                 state.particles.radius[slot] = particle.radius;

@@ -42,8 +42,11 @@ pub(crate) struct Simulation {
     bounds: FrequencyBounds,
     /// The parts of the net, once somebody has asked for them since `bounds` were computed.
     components: Option<Components>,
-    /// A mass, a spring or the viscosity has changed since `bounds` were computed.
+    /// A spring, or a mass, has changed since `bounds` were computed.
     bounds_are_stale: bool,
+    /// Particles have come or gone since then, whose springs, if any, did not: that matters to the bounds
+    /// only in a viscous medium.
+    lone_particles_changed: bool,
 }
 
 /// Adds the three stages to `schedule`, and the observers that keep the rosters.

@@ -57,6 +57,8 @@ pub(super) fn refresh_slots(
     index.changed |= wants_renumbering(&index.particles) || wants_renumbering(&index.springs);
     let news = index.particles.news() + index.springs.news();
     if index.changed || news > 0 || edits.retry {
+        simulation.bounds_are_stale |= index.changed;
+        simulation.lone_particles_changed = true;
         let mut numbering = Numbering { index, simulation, particles, springs };
         if numbering.index.changed {
             numbering.renumber();
@@ -64,7 +66,6 @@ pub(super) fn refresh_slots(
             numbering.update(&edits.relinked);
         }
         simulation.state.contacts.invalidate();
-        simulation.bounds_are_stale = true;
     }
 }
 
@@ -239,6 +240,7 @@ impl Numbering<'_> {
     fn take_out(&mut self, slot: usize) {
         if self.index.springs.vacate(slot) {
             self.simulation.state.springs.remove(slot);
+            self.simulation.bounds_are_stale = true;
         }
     }
 
@@ -313,6 +315,7 @@ impl Numbering<'_> {
                 roster.slots.push(entity);
                 let springs = &mut self.simulation.state.springs;
                 springs.push(first, second, spring.rest_length, spring.stiffness, spring.damping);
+                self.simulation.bounds_are_stale = true;
                 self.index.forgive(entity);
             }
             Ok(None) => {

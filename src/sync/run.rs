@@ -104,11 +104,14 @@ impl Planner<'_, '_> {
             collisions.particles = false;
         }
         let viscosity = environment.effective_viscosity();
-        if simulation.bounds_are_stale || *self.planned_viscosity != viscosity {
+        let is_stale = simulation.bounds_are_stale
+            || *self.planned_viscosity != viscosity
+            || simulation.lone_particles_changed && viscosity > 0.0;
+        if is_stale && self.solver.wants_bounds() {
             let Simulation { state, bounds, components, .. } = simulation;
             *bounds = FrequencyBounds::of(&state.particles.inverse_mass, listed(&state.springs), viscosity);
             *components = None;
-            simulation.bounds_are_stale = false;
+            (simulation.bounds_are_stale, simulation.lone_particles_changed) = (false, false);
             *self.planned_viscosity = viscosity;
         }
         let time_step = self.time.delta_secs();
