@@ -178,3 +178,36 @@ fn every_particle_of_large_tables_is_copied() {
         assert!(place.cmpge(least).all() && place.cmple(most).all(), "particle {number}: {place}");
     }
 }
+
+/// In a viscous medium a light particle that comes asks for other steps, though nothing else has changed:
+/// with those of the net its drag, 10⁴ times its momentum a second, would throw it back and forth.
+#[test]
+fn a_light_particle_that_comes_is_counted_in_a_viscous_medium() {
+    let mut app = app();
+    app.insert_resource(SolverSettings::default());
+    app.insert_resource(Environment { viscosity: 1.0, gravity: Vec3::ZERO, ..default() });
+    net(&mut app);
+    run(&mut app, 3);
+    let light = (Particle::new(1e-4, 0.0), ParticleVelocity(Vec3::X), Transform::from_xyz(0.0, 50.0, 0.0));
+    let light = app.world_mut().spawn(light).id();
+    for _ in 0..10 {
+        let before = velocity(&app, light).length();
+        run(&mut app, 1);
+        assert!(velocity(&app, light).length() <= 0.1 * before, "{}", velocity(&app, light));
+    }
+}
+
+/// What changes while the settings name the scheme and its substeps is known when they are left to `Auto`.
+#[test]
+fn edits_under_fixed_settings_count_for_auto() {
+    let mut app = app();
+    let net = net(&mut app);
+    run(&mut app, 3);
+    app.world_mut().get_mut::<Spring>(net.springs[SIDE]).unwrap().stiffness = 1e6;
+    app.insert_resource(SolverSettings::default());
+    let soft = report(&app).substeps;
+    run(&mut app, 64);
+    assert!(report(&app).substeps > 10 * soft, "{} substeps", report(&app).substeps);
+    let highest = net.particles.iter().map(|particle| velocity(&app, *particle).length()).fold(0.0, f32::max);
+    assert!(highest < 20.0, "{highest} m/s after a second of free fall");
+}

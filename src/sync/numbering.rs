@@ -63,7 +63,7 @@ pub(super) fn refresh_slots(
         if numbering.index.changed {
             numbering.renumber();
         } else {
-            numbering.update(&edits.relinked);
+            numbering.update(edits);
         }
         simulation.state.contacts.invalidate();
     }
@@ -197,18 +197,22 @@ impl Numbering<'_> {
     }
 
     /// Empties the slots of those who left and appends those who came.
-    fn update(&mut self, relinked: &[Entity]) {
+    fn update(&mut self, edits: &Edits) {
+        let (waited, present) = (self.index.waiting.len(), self.index.particles.slots.len());
         for slot in std::mem::take(&mut self.index.particles.departed) {
             self.let_go(slot);
         }
         for slot in std::mem::take(&mut self.index.springs.departed) {
             self.take_out(slot);
         }
-        for &spring in relinked {
+        for &spring in &edits.relinked {
             self.suspend(spring);
         }
         self.admit_particles(|_, _, _| None);
-        for spring in std::mem::take(&mut self.index.waiting) {
+        // Those that have waited for long go on waiting where nobody came for whom they might.
+        let came = self.index.particles.slots.len() > present;
+        let first = if came || edits.retry { 0 } else { waited };
+        for spring in self.index.waiting.split_off(first) {
             self.admit_spring(spring);
         }
         self.admit_new_springs();
