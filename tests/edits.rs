@@ -169,7 +169,7 @@ fn every_particle_of_large_tables_is_copied() {
         particles[number] = Entity::PLACEHOLDER;
     }
     run(&mut app, 1);
-    assert_eq!(report(&app).particles as usize, 40_000 - 40_000_usize.div_ceil(7));
+    assert_eq!(report(&app).particles, 40_000 - 40_000_usize.div_ceil(7));
     for (number, &particle) in particles.iter().enumerate().filter(|(number, _)| number % 7 != 0) {
         let kick = if number < 20_000 { Vec3::ZERO } else { Vec3::X };
         assert_eq!(velocity(&app, particle), own(number) + kick, "particle {number}");

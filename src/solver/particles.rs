@@ -196,7 +196,9 @@ mod tests {
         let mut vectors = Vectors::default();
         let kept = [Vec3::new(1e-17, -1e-17, 0.0), Vec3::new(f32::INFINITY, -3.0, f32::MAX)];
         let traces = Vec3::new(1e-19, -1e-40, f32::MIN_POSITIVE);
-        [kept[0], traces, kept[1]].map(|vector| vectors.push(vector));
+        for vector in [kept[0], traces, kept[1]] {
+            vectors.push(vector);
+        }
         vectors.clear_traces();
         assert_eq!([0, 1, 2].map(|slot| vectors.get(slot)), [kept[0], Vec3::ZERO, kept[1]]);
         vectors.set(0, Vec3::NAN);

@@ -40,7 +40,7 @@ pub fn all() -> Vec<Entry> {
     for substeps in [16, 32] {
         entries.push(entry("naive loop", substeps, naive::NaiveLoop::new));
     }
-    for substeps in [8, 16, 32] {
+    for substeps in [8, 16, 20, 32] {
         entries.push(entry("bevy_mass_spring", substeps, |scene, substeps| {
             mass_spring::MassSpring::new(scene, Integrator::SemiImplicitEuler, Substeps::Fixed(substeps))
         }));
