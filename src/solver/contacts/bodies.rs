@@ -4,10 +4,10 @@
 //! arrays; so while contacts are solved the particles are a plain array of structures, ordered as
 //! [`Regions`] say.
 
-use bevy::math::{Vec3, Vec3A};
+use bevy::math::Vec3A;
 
 use crate::solver::blocks;
-use crate::solver::particles::{Particles, set};
+use crate::solver::particles::{Particles, Vectors, set};
 
 use super::joints::Joints;
 use super::regions::Regions;
@@ -45,7 +45,7 @@ impl Body {
 pub(super) fn fill(
     bodies: &mut Vec<Body>,
     particles: &Particles,
-    previous: &[Vec3],
+    previous: &Vectors,
     regions: &Regions,
     joints: &Joints,
 ) {
@@ -57,7 +57,7 @@ pub(super) fn fill(
             *body = Body {
                 position: particles.position.get(slot).into(),
                 velocity: particles.velocity.get(slot).into(),
-                previous: previous[slot].into(),
+                previous: previous.get(slot).into(),
                 inverse_mass: particles.inverse_mass[slot],
                 radius: particles.radius[slot],
                 holds: 0,

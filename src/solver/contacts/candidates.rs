@@ -52,6 +52,8 @@ pub(super) struct Candidates {
     /// Positions at the time of the last rebuild.
     origins: Vectors,
     skins: Vec<f32>,
+    /// Whether any particle is more than a point.
+    any_spheres: bool,
     /// Whether slow particles have wide skins.
     wide: bool,
     /// Substeps since the last rebuild.
@@ -109,7 +111,7 @@ impl Candidates {
         &mut self,
         particles: &Particles,
         springs: &Springs,
-        previous: &[Vec3],
+        previous: &Vectors,
         up: Vec3,
         time_step: f32,
     ) {
@@ -172,6 +174,9 @@ impl Candidates {
     /// Whether somebody has moved by more than its skin. What all have moved by together does not count:
     /// nobody comes closer to anybody by it.
     fn outrun(&self, particles: &Particles) -> bool {
+        if !self.any_spheres {
+            return false;
+        }
         let [x, y, z] = particles.position.axes();
         let [origin_x, origin_y, origin_z] = self.origins.axes();
         let common =
@@ -190,6 +195,7 @@ impl Candidates {
 
     fn choose_skins(&mut self, particles: &Particles, time_step: f32) {
         self.origins.copy_from(&particles.position);
+        self.any_spheres = particles.radius.iter().any(|radius| *radius > 0.0);
         // A sphere with a thick skin is twice as large as with the skin of a slow one, so that the two come into
         // different classes of the grid, and a few fast ones do not widen the cells of all.
         let slow_skin = self.slow_skin();
@@ -257,7 +263,7 @@ impl Candidates {
     }
 
     /// Carries what is known of the old pairs over to the new ones.
-    fn recall(&mut self, particles: &Particles, previous: &[Vec3]) {
+    fn recall(&mut self, particles: &Particles, previous: &Vectors) {
         let Self { list, old, joints, .. } = self;
         for pair in old.pairs.iter().filter(|pair| pair.past != Past::Apart) {
             if let Some(new) = list.find(slots(&old.slot_of, pair)) {
@@ -274,7 +280,7 @@ impl Candidates {
                 continue;
             }
             let reach = particles.radius[a] + particles.radius[b];
-            let overlaps = previous[a].distance_squared(previous[b]) < reach * reach;
+            let overlaps = previous.get(a).distance_squared(previous.get(b)) < reach * reach;
             if overlaps && old.find(ends).is_none() {
                 pair.past = Past::Entangled;
             }
@@ -304,8 +310,7 @@ mod tests {
 
     /// Refreshes the candidates and lists them, each pair in the order of its slots.
     fn refreshed(candidates: &mut Candidates, particles: &Particles) -> Vec<(u32, u32)> {
-        let previous: Vec<Vec3> = (0..particles.len()).map(|slot| particles.position.get(slot)).collect();
-        candidates.refresh(particles, &Springs::default(), &previous, Vec3::Y, 0.01);
+        candidates.refresh(particles, &Springs::default(), &particles.position, Vec3::Y, 0.01);
         let ordered = |pair: &Candidate| (pair.lower.min(pair.upper), pair.lower.max(pair.upper));
         let mut pairs: Vec<_> = candidates.pairs().0.iter().map(ordered).collect();
         pairs.sort_unstable();

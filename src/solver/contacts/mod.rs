@@ -21,7 +21,7 @@ mod response;
 use bevy::math::{Vec3, Vec3A};
 
 use super::StepSettings;
-use super::particles::Particles;
+use super::particles::{Particles, Vectors};
 use super::springs::Springs;
 use bodies::Body;
 use candidates::Candidates;
@@ -91,7 +91,7 @@ pub struct Contacts {
     surfaces: Vec<Surface>,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
-    previous: Vec<Vec3>,
+    previous: Vectors,
 }
 
 impl Contacts {
@@ -129,8 +129,7 @@ impl Contacts {
     pub(super) fn begin_substep(&mut self, particles: &Particles, settings: &StepSettings) {
         let planes = settings.collide_with_planes && !self.planes.is_empty();
         if planes || settings.pair_rules.is_some() {
-            self.previous.clear();
-            self.previous.extend((0..particles.len()).map(|slot| particles.position.get(slot)));
+            self.previous.copy_from(&particles.position);
         }
     }
 
