@@ -220,12 +220,7 @@ fn coincident_particles_and_springs_of_no_length() {
 
 /// What `Auto` runs.
 fn automatic(state: &SolverState, time_step: f32) -> StepSettings {
-    let springs = &state.springs;
-    let listed = (0..springs.len()).map(|spring| {
-        let (first, second) = springs.ends(spring);
-        (first, second, springs.stiffness()[spring], springs.damping()[spring])
-    });
-    let bounds = FrequencyBounds::of(&state.particles.inverse_mass, listed, 0.0);
+    let bounds = FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), 0.0);
     let (scheme, substeps) = SolverSettings::default().choose(&bounds, time_step);
     StepSettings { scheme, substeps, time_step, ..settings() }
 }

@@ -48,12 +48,8 @@ fn net(radius: f32, stretch: f32) -> SolverState {
 
 /// What `Auto` does with the state, in air of 0.005 N·s/m.
 fn automatic(state: &SolverState) -> StepSettings {
-    let (springs, viscosity, scheme) = (&state.springs, 0.005, Scheme::SemiImplicitEuler);
-    let listed = (0..springs.len()).map(|spring| {
-        let (first, second) = springs.ends(spring);
-        (first, second, springs.stiffness()[spring], springs.damping()[spring])
-    });
-    let bounds = FrequencyBounds::of(&state.particles.inverse_mass, listed, viscosity);
+    let (viscosity, scheme) = (0.005, Scheme::SemiImplicitEuler);
+    let bounds = FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), viscosity);
     StepSettings {
         scheme,
         substeps: bounds.auto_substeps(scheme, 1.0 / 60.0),

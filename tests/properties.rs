@@ -71,12 +71,7 @@ impl Net {
 }
 
 fn bounds(state: &SolverState) -> FrequencyBounds {
-    let springs = &state.springs;
-    let listed = (0..springs.len()).map(|index| {
-        let (first, second) = springs.ends(index);
-        (first, second, springs.stiffness()[index], springs.damping()[index])
-    });
-    FrequencyBounds::of(&state.particles.inverse_mass, listed, 0.0)
+    FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), 0.0)
 }
 
 /// Settings with the step h for which hω is `share`; at most 1/60 s.

@@ -6,7 +6,7 @@
 use bevy::math::Vec3;
 
 use super::blocks;
-use super::kernel::{Accelerate, Motion, Target};
+use super::kernel::{self, Accelerate, Motion, Target};
 use super::particles::{Particles, Vectors};
 use super::springs::Springs;
 
@@ -62,7 +62,8 @@ pub(super) fn evaluate_motion(motion: Motion, springs: &Springs, field: Field, a
     let size = batches.block_size;
     let parts = batches.blocks.iter().zip(acceleration.chunks_mut(size)).enumerate();
     blocks::for_each(parts, batches.are_worth_sharing(), |(number, (block, acceleration))| {
-        Accelerate { block, motion, field, target: Target { start: number * size, acceleration } }.run();
+        let target = Target { start: number * size, acceleration };
+        kernel::run(Accelerate { block, motion, field, target });
     });
 }
 

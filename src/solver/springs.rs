@@ -127,6 +127,15 @@ impl Springs {
         &self.damping
     }
 
+    /// All springs as (first slot, second slot, stiffness in N/m, damping in N·s/m), as
+    /// [`FrequencyBounds::of`](super::stability::FrequencyBounds::of) wants them.
+    pub fn listed(&self) -> impl Iterator<Item = (usize, usize, f32, f32)> + Clone {
+        (0..self.len()).map(|spring| {
+            let (first, second) = self.ends(spring);
+            (first, second, self.stiffness[spring], self.damping[spring])
+        })
+    }
+
     /// Changes whenever a spring gets other ends, or one comes.
     pub(super) fn ends_version(&self) -> EndsVersion {
         self.ends_version

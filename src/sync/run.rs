@@ -10,7 +10,7 @@ use crate::environment::Environment;
 use crate::report::TickReport;
 use crate::settings::{SolverSettings, Substeps};
 use crate::solver::stability::{Choice, Components, FrequencyBounds, MAX_SUBSTEPS};
-use crate::solver::{PairRules, Springs, StepSettings, energy, step};
+use crate::solver::{PairRules, StepSettings, energy, step};
 
 use super::Simulation;
 use super::gather::Gathered;
@@ -109,7 +109,7 @@ impl Planner<'_, '_> {
             || simulation.lone_particles_changed && viscosity > 0.0;
         if is_stale && self.solver.wants_bounds() {
             let Simulation { state, bounds, components, .. } = simulation;
-            *bounds = FrequencyBounds::of(&state.particles.inverse_mass, listed(&state.springs), viscosity);
+            *bounds = FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), viscosity);
             *components = None;
             (simulation.bounds_are_stale, simulation.lone_particles_changed) = (false, false);
             *self.planned_viscosity = viscosity;
@@ -136,7 +136,7 @@ impl Planner<'_, '_> {
     fn choose(&self, simulation: &mut Simulation, time_step: f32, viscosity: f32) -> Choice {
         let Simulation { state, bounds, components, .. } = simulation;
         let inverse_mass = &state.particles.inverse_mass;
-        let find = || Components::of(inverse_mass, listed(&state.springs), viscosity);
+        let find = || Components::of(inverse_mass, state.springs.listed(), viscosity);
         let choice =
             self.solver.choose_by_component(bounds, time_step, || components.get_or_insert_with(find));
         state.stiff.clear();
@@ -160,12 +160,4 @@ impl Planner<'_, '_> {
             _ => None,
         }
     }
-}
-
-/// The springs as [`FrequencyBounds`] want them.
-fn listed(springs: &Springs) -> impl Iterator<Item = (usize, usize, f32, f32)> + Clone {
-    (0..springs.len()).map(|spring| {
-        let (first, second) = springs.ends(spring);
-        (first, second, springs.stiffness()[spring], springs.damping()[spring])
-    })
 }

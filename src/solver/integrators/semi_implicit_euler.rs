@@ -7,7 +7,7 @@
 use super::super::SolverState;
 use super::super::blocks;
 use super::super::forces::Field;
-use super::super::kernel::{Accelerate, Advance, Motion, Moved, Target};
+use super::super::kernel::{self, Accelerate, Advance, Motion, Moved, Target};
 
 /// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
 /// want the old one.
@@ -33,7 +33,7 @@ pub(super) fn advance(state: &mut SolverState, field: Field, substep: f32) {
         |(number, (block, (acceleration, (position, velocity))))| {
             let target = Target { start: number * size, acceleration };
             let accelerate = Accelerate { block, motion, field, target };
-            Advance { accelerate, substep, moved: Moved { position, velocity } }.run();
+            kernel::run(Advance { accelerate, substep, moved: Moved { position, velocity } });
         },
     );
     std::mem::swap(&mut particles.position, &mut scratch.position);

@@ -8,7 +8,7 @@
 use super::super::SolverState;
 use super::super::blocks;
 use super::super::forces::{self, Field};
-use super::super::kernel::{Accelerate, Correct, Motion, Predict, Target};
+use super::super::kernel::{self, Accelerate, Correct, Motion, Predict, Target};
 use super::super::particles::{Particles, Vectors};
 
 /// What the last substep has left for the next one, besides the state.
@@ -51,7 +51,7 @@ pub(super) fn advance(state: &mut SolverState, field: Field, substep: f32) {
 
     let parts = position.chunks_mut(size).zip(velocity.chunks_mut(size)).zip(acceleration.chunks(size));
     blocks::for_each(parts, parallel, |((position, velocity), acceleration)| {
-        Predict { position, velocity, acceleration, substep }.run();
+        kernel::run(Predict { position, velocity, acceleration, substep });
     });
 
     let motion = motion(position, velocity, applied_force, inverse_mass);
@@ -63,7 +63,7 @@ pub(super) fn advance(state: &mut SolverState, field: Field, substep: f32) {
         |(number, ((block, predicted_acceleration), (acceleration, velocity)))| {
             let target = Target { start: number * size, acceleration };
             let accelerate = Accelerate { block, motion, field, target };
-            Correct { accelerate, predicted_acceleration, substep, velocity }.run();
+            kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
         },
     );
     std::mem::swap(velocity, other_velocity);

@@ -69,28 +69,9 @@ pub(super) struct Correct<'a> {
     pub velocity: [&'a mut [f32]; 3],
 }
 
-impl Accelerate<'_> {
-    pub fn run(self) {
-        pulp::Arch::new().dispatch(self);
-    }
-}
-
-impl Advance<'_> {
-    pub fn run(self) {
-        pulp::Arch::new().dispatch(self);
-    }
-}
-
-impl Predict<'_> {
-    pub fn run(self) {
-        pulp::Arch::new().dispatch(self);
-    }
-}
-
-impl Correct<'_> {
-    pub fn run(self) {
-        pulp::Arch::new().dispatch(self);
-    }
+/// Does the work with the best instructions that the processor has.
+pub(super) fn run(work: impl pulp::WithSimd<Output = ()>) {
+    pulp::Arch::new().dispatch(work);
 }
 
 impl pulp::WithSimd for Predict<'_> {
