@@ -19,8 +19,8 @@ use super::regions::{Groups, Regions};
 const THIN_SKIN: f32 = 0.2;
 const WIDE_SKIN: f32 = 0.4;
 
-/// Wide skins are for lists of which a thin skin is outrun in fewer substeps. Measured: a new list of 10,000
-/// balls in a pile takes as long as ten looks at the pairs that a wide skin adds.
+/// Wide skins are for lists of which a thin skin is outrun in fewer substeps: a new list of 10,000 balls in a
+/// pile takes about as long as ten looks at the pairs that a wide skin adds.
 const SHORT_LIFE: f32 = 10.0;
 
 /// A particle is fast that would outrun the skin of slow ones within so many ticks. In a crowd, thick skins
