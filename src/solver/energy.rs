@@ -1,17 +1,31 @@
 //! Energy, momentum and extremes of a state, accumulated in f64.
 
+use bevy::ecs::reflect::ReflectResource;
+use bevy::ecs::resource::Resource;
 use bevy::math::{DVec3, Vec3};
+use bevy::reflect::Reflect;
+use bevy::reflect::prelude::ReflectDefault;
+#[cfg(feature = "serialize")]
+use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
-use super::SolverState;
+use super::state::State;
 
-/// Physical quantities of a whole state. Pinned particles have no energy and no momentum.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Totals {
+/// Physical quantities of a whole simulation at the end of the last tick.
+///
+/// In an app they are computed only while this resource exists: add
+/// [`MassSpringDiagnosticsPlugin`](crate::MassSpringDiagnosticsPlugin), or insert it. Sums are accumulated in f64.
+/// Pinned particles have no energy and no momentum.
+#[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Measurements {
     /// Σ ½ m v², J.
     pub kinetic_energy: f64,
     /// Σ ½ k (l − l0)², J.
     pub elastic_energy: f64,
-    /// −Σ m g·x, J.
+    /// −Σ m g·x, J: zero at the origin; zero where gravity is switched off.
     pub gravitational_energy: f64,
     /// Σ m v, N·s.
     pub momentum: DVec3,
@@ -23,73 +37,71 @@ pub struct Totals {
     pub mean_stretch: f64,
 }
 
-/// Sums up `state` in the gravity field `gravity` (m/s²).
-pub fn totals(state: &SolverState, gravity: Vec3) -> Totals {
-    let mut totals = Totals::default();
-    add_particles(state, gravity.as_dvec3(), &mut totals);
-    add_springs(state, &mut totals);
-    totals
+impl Measurements {
+    /// Kinetic, elastic and gravitational energy together, J.
+    pub fn total_energy(&self) -> f64 {
+        self.kinetic_energy + self.elastic_energy + self.gravitational_energy
+    }
 }
 
-fn add_particles(state: &SolverState, gravity: DVec3, totals: &mut Totals) {
+/// Sums up `state` in the gravity field `gravity` (m/s²).
+pub(crate) fn measure(state: &State, gravity: Vec3) -> Measurements {
+    let mut measurements = Measurements::default();
+    add_particles(state, gravity.as_dvec3(), &mut measurements);
+    add_elements(state, &mut measurements);
+    measurements
+}
+
+fn add_particles(state: &State, gravity: DVec3, measurements: &mut Measurements) {
     let particles = &state.particles;
-    for slot in 0..particles.len() {
-        let inverse_mass = f64::from(particles.inverse_mass[slot]);
-        if inverse_mass == 0.0 {
-            continue;
-        }
-        let mass = 1.0 / inverse_mass;
+    for slot in (0..particles.len()).filter(|slot| !particles.is_pinned(*slot)) {
+        let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
         let position = particles.position.get(slot).as_dvec3();
         let velocity = particles.velocity.get(slot).as_dvec3();
-        totals.kinetic_energy += 0.5 * mass * velocity.length_squared();
-        totals.gravitational_energy -= mass * gravity.dot(position);
-        totals.momentum += mass * velocity;
-        totals.max_speed = totals.max_speed.max(velocity.length());
+        measurements.kinetic_energy += 0.5 * mass * velocity.length_squared();
+        measurements.gravitational_energy -= mass * gravity.dot(position);
+        measurements.momentum += mass * velocity;
+        measurements.max_speed = measurements.max_speed.max(velocity.length());
     }
 }
 
-fn add_springs(state: &SolverState, totals: &mut Totals) {
-    let springs = &state.springs;
-    let mut stretched_springs = 0_usize;
-    for index in 0..springs.len() {
-        let (first, second) = springs.ends(index);
-        let position = &state.particles.position;
-        let separation = position.get(first).as_dvec3() - position.get(second).as_dvec3();
-        let rest_length = f64::from(springs.rest_length()[index]);
-        let elongation = separation.length() - rest_length;
-        totals.elastic_energy += 0.5 * f64::from(springs.stiffness()[index]) * elongation * elongation;
+fn add_elements(state: &State, measurements: &mut Measurements) {
+    let mut stretched = 0_usize;
+    state.elements.for_each_energy(&state.particles.position, |energy, length, rest_length| {
+        measurements.elastic_energy += energy;
         if rest_length > 0.0 {
-            let stretch = elongation.abs() / rest_length;
-            totals.max_stretch = totals.max_stretch.max(stretch);
-            totals.mean_stretch += stretch;
-            stretched_springs += 1;
+            let stretch = (length - rest_length).abs() / rest_length;
+            measurements.max_stretch = measurements.max_stretch.max(stretch);
+            measurements.mean_stretch += stretch;
+            stretched += 1;
         }
-    }
-    totals.mean_stretch /= stretched_springs.max(1) as f64;
+    });
+    measurements.mean_stretch /= stretched.max(1) as f64;
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::elements::Spring;
     use super::*;
 
     #[test]
     fn sums_of_two_particles_and_a_spring() {
-        let mut state = SolverState::default();
-        state.particles.push(Vec3::new(0.0, 3.0, 0.0), Vec3::new(3.0, 4.0, 0.0), 2.0, 0.0);
-        state.particles.push(Vec3::new(0.0, 1.0, 0.0), Vec3::ONE, f32::INFINITY, 0.0);
-        state.springs.push(0, 1, 1.6, 50.0, 1.0);
-        let totals = totals(&state, Vec3::new(0.0, -10.0, 0.0));
-        assert_eq!(totals.kinetic_energy, 25.0);
-        assert_eq!(totals.gravitational_energy, 60.0);
-        assert_eq!(totals.momentum, DVec3::new(6.0, 8.0, 0.0));
-        assert_eq!(totals.max_speed, 5.0);
-        assert!((totals.elastic_energy - 4.0).abs() < 1e-6);
-        assert!((totals.max_stretch - 0.25).abs() < 1e-6);
-        assert_eq!(totals.max_stretch, totals.mean_stretch);
+        let mut state = State::default();
+        state.add_particle(Vec3::new(0.0, 3.0, 0.0), Vec3::new(3.0, 4.0, 0.0), 0.5, 0.0);
+        state.add_particle(Vec3::new(0.0, 1.0, 0.0), Vec3::ONE, 0.0, 0.0);
+        state.add_spring([0, 1], Spring { rest_length: 1.6, stiffness: 50.0, damping: 1.0 });
+        let found = measure(&state, Vec3::new(0.0, -10.0, 0.0));
+        assert_eq!(found.kinetic_energy, 25.0);
+        assert_eq!(found.gravitational_energy, 60.0);
+        assert_eq!(found.momentum, DVec3::new(6.0, 8.0, 0.0));
+        assert_eq!(found.max_speed, 5.0);
+        assert!((found.elastic_energy - 4.0).abs() < 1e-6);
+        assert!((found.max_stretch - 0.25).abs() < 1e-6);
+        assert_eq!(found.max_stretch, found.mean_stretch);
     }
 
     #[test]
     fn an_empty_state_has_none() {
-        assert_eq!(totals(&SolverState::default(), Vec3::NEG_Y), Totals::default());
+        assert_eq!(measure(&State::default(), Vec3::NEG_Y), Measurements::default());
     }
 }

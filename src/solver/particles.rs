@@ -1,12 +1,16 @@
 //! Particles as a structure of arrays.
 
-use bevy::math::Vec3;
+use bevy::math::{DVec3, Vec3};
 
-/// What is smaller is a trace, m or m/s: its square is hardly a normal number any more.
-const TRACE: f32 = 1e-18;
+use super::settings::Field;
+use super::state::Version;
+
+/// Coordinates and velocities below this are cleared, m or m/s: their squares would be subnormal numbers.
+const NEGLIGIBLE: f32 = 1e-18;
 
 /// One vector a particle, stored as three arrays.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Vectors {
     /// The x components.
     pub x: Vec<f32>,
@@ -70,12 +74,12 @@ impl Vectors {
         }
     }
 
-    /// Makes components zero that are traces only: what decays would end as subnormal numbers, for which
-    /// processors take ten times as long.
-    pub(super) fn clear_traces(&mut self) {
+    /// Clears negligible components: what decays would end as subnormal numbers, for which processors take ten
+    /// times as long.
+    pub(super) fn clear_negligible(&mut self) {
         for axis in self.axes_mut() {
             for value in axis {
-                *value = if value.abs() < TRACE { 0.0 } else { *value };
+                *value = if value.abs() < NEGLIGIBLE { 0.0 } else { *value };
             }
         }
     }
@@ -99,13 +103,7 @@ impl Vectors {
         [&mut self.x, &mut self.y, &mut self.z]
     }
 
-    /// The three arrays in pieces of `size` vectors, the last one shorter.
-    pub(super) fn chunks(&self, size: usize) -> impl Iterator<Item = [&[f32]; 3]> {
-        let [x, y, z] = self.axes().map(|axis| axis.chunks(size));
-        x.zip(y).zip(z).map(|((x, y), z)| [x, y, z])
-    }
-
-    /// The three arrays in pieces of `size` vectors, the last one shorter.
+    /// The three arrays in chunks of `size` vectors, the last one shorter.
     pub(super) fn chunks_mut(&mut self, size: usize) -> impl Iterator<Item = [&mut [f32]; 3]> {
         let [x, y, z] = self.axes_mut().map(|axis| axis.chunks_mut(size));
         x.zip(y).zip(z).map(|((x, y), z)| [x, y, z])
@@ -116,74 +114,142 @@ impl Vectors {
     }
 }
 
-/// Cuts off the first `count` vectors of a piece of [`Vectors`].
-pub(crate) fn cut_off<'a>(piece: &mut [&'a mut [f32]; 3], count: usize) -> [&'a mut [f32]; 3] {
-    piece.each_mut().map(|axis| axis.split_off_mut(..count).expect("there are so many vectors"))
+/// Splits off the first `count` vectors of a slice of [`Vectors`].
+pub(crate) fn split_off<'a>(slice: &mut [&'a mut [f32]; 3], count: usize) -> [&'a mut [f32]; 3] {
+    slice.each_mut().map(|axis| axis.split_off_mut(..count).expect("the slice has `count` vectors"))
 }
 
-/// Replaces the vector in place `place` of a piece of [`Vectors`].
+/// Replaces vector `index` of a slice of [`Vectors`].
 #[inline]
-pub(crate) fn set(piece: &mut [&mut [f32]; 3], place: usize, value: Vec3) {
-    for (axis, value) in piece.iter_mut().zip(value.to_array()) {
-        axis[place] = value;
+pub(crate) fn set(slice: &mut [&mut [f32]; 3], index: usize, value: Vec3) {
+    for (axis, value) in slice.iter_mut().zip(value.to_array()) {
+        axis[index] = value;
     }
 }
 
 /// The particles, one slot each.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Particles {
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Particles {
     /// Positions, m.
     pub position: Vectors,
     /// Velocities, m/s.
     pub velocity: Vectors,
     /// The user's forces, N, constant over a tick.
     pub applied_force: Vectors,
-    /// Accelerations of the last evaluation of the forces, m/s².
-    pub acceleration: Vectors,
-    /// 1 / mass, 1/kg; 0 for a pinned particle.
-    pub inverse_mass: Vec<f32>,
-    /// Radii, m.
-    pub radius: Vec<f32>,
+    inverse_mass: Vec<f32>,
+    radius: Vec<f32>,
+    mass_version: Version,
+    free_version: Version,
+    added_version: Version,
 }
 
 impl Particles {
-    /// The number of particles.
+    /// The number of slots.
     pub fn len(&self) -> usize {
         self.radius.len()
     }
 
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.radius.is_empty()
+    /// 1 / mass of each, 1/kg; 0 for a pinned particle and an empty slot.
+    pub fn inverse_mass(&self) -> &[f32] {
+        &self.inverse_mass
     }
 
-    /// Appends a particle: position in m, velocity in m/s, mass in kg (`f32::INFINITY`: pinned), radius in m.
-    pub fn push(&mut self, position: Vec3, velocity: Vec3, mass: f32, radius: f32) {
+    /// Radii, m.
+    pub fn radius(&self) -> &[f32] {
+        &self.radius
+    }
+
+    /// Positions and velocities to be written, beside inverse masses and radii.
+    pub fn motion_mut(&mut self) -> (&mut Vectors, &mut Vectors, &[f32], &[f32]) {
+        (&mut self.position, &mut self.velocity, &self.inverse_mass, &self.radius)
+    }
+
+    /// Whether no force moves the particle.
+    #[inline]
+    pub fn is_pinned(&self, slot: usize) -> bool {
+        self.inverse_mass[slot] == 0.0
+    }
+
+    /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg, radius in m.
+    pub fn push(&mut self, position: Vec3, velocity: Vec3, inverse_mass: f32, radius: f32) {
         self.position.push(position);
         self.velocity.push(velocity);
         self.applied_force.push(Vec3::ZERO);
-        self.acceleration.push(Vec3::ZERO);
-        self.inverse_mass.push(1.0 / mass);
+        self.inverse_mass.push(inverse_mass);
         self.radius.push(radius);
+        self.added_version = Version::new();
+        self.free_version = self.added_version;
     }
 
-    /// Empties a slot: what is left is a pinned point that touches nothing.
+    /// Empties a slot: a pinned point is left that touches nothing.
     pub fn vacate(&mut self, slot: usize) {
         self.velocity.set(slot, Vec3::ZERO);
         self.applied_force.set(slot, Vec3::ZERO);
-        self.acceleration.set(slot, Vec3::ZERO);
         self.inverse_mass[slot] = 0.0;
         self.radius[slot] = 0.0;
+        self.added_version = Version::new();
+        self.free_version = self.added_version;
     }
 
-    /// Makes it `count` particles; new ones are pinned at the origin until they are filled in.
-    pub fn resize(&mut self, count: usize) {
-        self.position.resize(count);
-        self.velocity.resize(count);
-        self.applied_force.resize(count);
-        self.acceleration.resize(count);
-        self.inverse_mass.resize(count, 0.0);
-        self.radius.resize(count, 0.0);
+    pub fn set_inverse_mass(&mut self, slot: usize, inverse_mass: f32) {
+        let old = std::mem::replace(&mut self.inverse_mass[slot], inverse_mass);
+        self.mass_version = Version::new();
+        if (old > 0.0) != (inverse_mass > 0.0) {
+            self.free_version = self.mass_version;
+        }
+    }
+
+    pub fn set_radius(&mut self, slot: usize, radius: f32) {
+        self.radius[slot] = radius;
+    }
+
+    /// Removes all particles.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+        self.mass_version = Version::new();
+        self.free_version = self.mass_version;
+        self.added_version = self.mass_version;
+    }
+
+    /// Moves each particle to the slot `new_slots[old]`.
+    pub fn renumber(&mut self, new_slots: &[u32]) {
+        let old = self.clone();
+        for (slot, &new) in new_slots.iter().enumerate() {
+            let new = new as usize;
+            self.position.set(new, old.position.get(slot));
+            self.velocity.set(new, old.velocity.get(slot));
+            self.applied_force.set(new, old.applied_force.get(slot));
+            self.inverse_mass[new] = old.inverse_mass[slot];
+            self.radius[new] = old.radius[slot];
+        }
+        self.mass_version = Version::new();
+        self.free_version = self.mass_version;
+    }
+
+    /// Changes with the mass of a particle, or when one is pinned or freed.
+    pub(super) fn mass_version(&self) -> Version {
+        self.mass_version
+    }
+
+    /// Changes when the set of free particles does.
+    pub(super) fn free_version(&self) -> Version {
+        self.free_version
+    }
+
+    /// Changes when a particle is added or removed.
+    pub(super) fn added_version(&self) -> Version {
+        self.added_version
+    }
+
+    /// The velocity of a free particle after `h` seconds without elements, in m/s:
+    /// (v + h (g + f/m)) / (1 + h ν/m).
+    pub(super) fn free_velocity(&self, slot: usize, field: Field, h: f64) -> DVec3 {
+        let inverse_mass = f64::from(self.inverse_mass[slot]);
+        let force = self.applied_force.get(slot).as_dvec3();
+        let velocity = self.velocity.get(slot).as_dvec3();
+        (velocity + h * (field.gravity.as_dvec3() + inverse_mass * force))
+            / (1.0 + h * f64::from(field.viscosity) * inverse_mass)
     }
 }
 
@@ -199,10 +265,10 @@ mod tests {
         for vector in [kept[0], traces, kept[1]] {
             vectors.push(vector);
         }
-        vectors.clear_traces();
+        vectors.clear_negligible();
         assert_eq!([0, 1, 2].map(|slot| vectors.get(slot)), [kept[0], Vec3::ZERO, kept[1]]);
         vectors.set(0, Vec3::NAN);
-        vectors.clear_traces();
+        vectors.clear_negligible();
         assert!(vectors.get(0).is_nan(), "faults stay to be found");
     }
 }

@@ -2,27 +2,46 @@
 
 use bevy::math::Vec3;
 
-use super::{Motion, Target};
-use crate::solver::batches::{Block, Loose, Run, SHORTEST_RUN, Side};
-use crate::solver::forces::{Field, spring_force};
+use super::Motion;
+use crate::solver::elements::{Element, Spring, for_each_kind};
+#[cfg(test)]
+use crate::solver::elements::Bend;
+use crate::solver::graph::blocks::{Block, Loose, MIN_RUN, Run};
+use crate::solver::settings::Field;
 
 /// Springs computed before their forces are added: enough that the additions do not wait for the
 /// stores of those before.
 const CHUNK: usize = 64;
 
 /// Springs computed together: a vector of AVX2.
-const LANES: usize = SHORTEST_RUN;
+const LANES: usize = MIN_RUN;
 
-/// Forces of the springs of a chunk, from index `LANES`; there is room for zeros on both sides.
+/// Forces of the springs of a chunk, from index `LANES`, with zeros on both sides.
 struct Forces([[f32; LANES + CHUNK + LANES + LANES]; 3]);
 
+macro_rules! define_add_loose {
+    ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {
+        /// Adds the forces of the loose elements of all kinds.
+        #[inline(always)]
+        fn add_all_loose(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3]) {
+            $($(#[$meta])* add_loose::<$element, $ends>(&block.loose.$kind, motion, force, block.slots.start);)*
+        }
+    };
+}
+for_each_kind!(define_add_loose);
+
+/// Writes the accelerations of the particles of `block`.
 #[inline(always)]
-pub(super) fn block_accelerations(block: &Block, motion: Motion, field: Field, target: &mut Target) {
-    let start = target.start;
-    let [x, y, z] = &mut target.acceleration;
+pub(super) fn block_accelerations(
+    block: &Block,
+    motion: Motion,
+    field: Field,
+    acceleration: &mut [&mut [f32]; 3],
+) {
+    let [x, y, z] = acceleration;
     let mut force = [&mut **x, &mut **y, &mut **z];
     let count = force[0].len();
-    let range = start..start + count;
+    let range = block.slots.start..block.slots.start + count;
     for (axis, force) in force.iter_mut().enumerate() {
         let applied_force = &motion.applied_force[axis][range.clone()];
         let velocity = &motion.velocity[axis][range.clone()];
@@ -32,8 +51,8 @@ pub(super) fn block_accelerations(block: &Block, motion: Motion, field: Field, t
             force[index] = applied_force[index] - field.viscosity * velocity[index];
         }
     }
-    add_runs(block, motion, &mut force, start);
-    add_loose(block, motion, &mut force, start);
+    add_runs(block, motion, &mut force, block.slots.start);
+    add_all_loose(block, motion, &mut force);
     // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.
     let inverse_mass = &motion.inverse_mass[range];
@@ -60,14 +79,15 @@ fn add_runs(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: u
             run_forces(block, run, done, chunk, motion, &mut forces);
             let lower = (run.lower as usize + done).wrapping_sub(start);
             let upper = (run.upper as usize + done).wrapping_sub(start);
-            match run.side {
-                Side::Both if offset <= LANES => add_both(force, lower, offset, chunk, &mut forces),
-                Side::Both => {
+            if run.owned == [true; 2] && offset <= LANES {
+                add_both(force, lower, offset, chunk, &mut forces);
+            } else {
+                if run.owned[0] {
                     add(force, lower, chunk, &forces);
+                }
+                if run.owned[1] {
                     subtract(force, upper, chunk, &forces);
                 }
-                Side::Lower => add(force, lower, chunk, &forces),
-                Side::Upper => subtract(force, upper, chunk, &forces),
             }
             done += chunk;
         }
@@ -142,12 +162,14 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
                     lower[2][lane] - upper[2][lane],
                 )
             };
-            let pull = spring_force(
+            let spring = Spring {
+                rest_length: rest_length[lane],
+                stiffness: stiffness[lane],
+                damping: damping[lane],
+            };
+            let pull = spring.pull(
                 between(&lower_position, &upper_position),
                 between(&lower_velocity, &upper_velocity),
-                rest_length[lane],
-                stiffness[lane],
-                damping[lane],
             );
             pulls[0][lane] = pull.x;
             pulls[1][lane] = pull.y;
@@ -160,40 +182,41 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
     }
 }
 
-/// Adds the forces of the loose springs: gathered, computed together, and added one after the other.
+/// Adds the forces of loose elements: gathered, computed together, and added one after the other.
 #[inline(always)]
-fn add_loose(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
-    let first_place = block.rest_length.len() - block.loose.len();
-    for (group, place) in block.loose.chunks(LANES).zip((first_place..).step_by(LANES)) {
+fn add_loose<E: Element<N>, const N: usize>(
+    loose: &[Loose<E, N>],
+    motion: Motion,
+    force: &mut [&mut [f32]; 3],
+    start: usize,
+) {
+    for group in loose.chunks(LANES) {
         let mut separation = [Vec3::ZERO; LANES];
-        let mut relative_velocity = [Vec3::ZERO; LANES];
-        for (lane, loose) in group.iter().enumerate() {
-            let (lower, upper) = (loose.lower as usize, loose.upper as usize);
-            let between = |[x, y, z]: [&[f32]; 3]| {
-                Vec3::new(x[lower] - x[upper], y[lower] - y[upper], z[lower] - z[upper])
-            };
-            separation[lane] = between(motion.position);
-            relative_velocity[lane] = between(motion.velocity);
+        let mut rate = [Vec3::ZERO; LANES];
+        for (lane, Loose { ends, element, .. }) in group.iter().enumerate() {
+            separation[lane] = combine(motion.position, ends, element.weights());
+            rate[lane] = combine(motion.velocity, ends, element.weights());
         }
         let mut pulls = [Vec3::ZERO; LANES];
-        for (lane, pull) in pulls.iter_mut().enumerate().take(group.len()) {
-            *pull = spring_force(
-                separation[lane],
-                relative_velocity[lane],
-                block.rest_length[place + lane],
-                block.stiffness[place + lane],
-                block.damping[place + lane],
-            );
+        for (lane, Loose { element, .. }) in group.iter().enumerate() {
+            pulls[lane] = element.pull(separation[lane], rate[lane]);
         }
-        for (&Loose { lower, upper, side }, pull) in group.iter().zip(pulls) {
-            for (force, pull) in force.iter_mut().zip(pull.to_array()) {
-                if side != Side::Upper {
-                    force[lower as usize - start] += pull;
-                }
-                if side != Side::Lower {
-                    force[upper as usize - start] -= pull;
+        for (Loose { ends, owned, element }, pull) in group.iter().zip(pulls) {
+            for ((&end, owned), weight) in ends.iter().zip(owned).zip(element.weights()) {
+                if *owned {
+                    for (force, pull) in force.iter_mut().zip(pull.to_array()) {
+                        force[end as usize - start] += weight * pull;
+                    }
                 }
             }
         }
     }
+}
+
+/// Σ cᵢ vᵢ over the ends of an element.
+#[inline(always)]
+fn combine<const N: usize>([x, y, z]: [&[f32]; 3], ends: &[u32; N], weights: [f32; N]) -> Vec3 {
+    let vector = |end: u32| Vec3::new(x[end as usize], y[end as usize], z[end as usize]);
+    let first = vector(ends[0]) * weights[0];
+    ends[1..].iter().zip(&weights[1..]).fold(first, |sum, (end, weight)| sum + vector(*end) * *weight)
 }

@@ -3,12 +3,15 @@
 //! They are plain loops over slices, written so that the compiler turns them into vector instructions,
 //! and compiled for each instruction set that is worth it; which one runs is chosen once, when the
 //! program starts (by the crate `pulp`). No operation is reordered or contracted, so all of them give the
-//! same bits, those of [`spring_force`](super::forces::spring_force) one spring after the other.
+//! same bits, those of [`Element::pull`](super::elements::Element::pull) one element after the other.
 
 mod accelerations;
 
-use super::batches::Block;
-use super::forces::Field;
+use super::graph::Blocks;
+use super::graph::blocks::Block;
+use super::parallel;
+use super::particles::{Particles, Vectors};
+use super::settings::Field;
 use accelerations::block_accelerations;
 
 /// What the forces depend on: all particles, three arrays for each vector.
@@ -18,12 +21,6 @@ pub(super) struct Motion<'a> {
     pub velocity: [&'a [f32]; 3],
     pub applied_force: [&'a [f32]; 3],
     pub inverse_mass: &'a [f32],
-}
-
-/// The particles of one block: where they begin, and the arrays to be written.
-pub(super) struct Target<'a> {
-    pub start: usize,
-    pub acceleration: [&'a mut [f32]; 3],
 }
 
 /// A substep of semi-implicit Euler: the new state of the particles of one block.
@@ -37,7 +34,7 @@ pub(super) struct Accelerate<'a> {
     pub block: &'a Block,
     pub motion: Motion<'a>,
     pub field: Field,
-    pub target: Target<'a>,
+    pub acceleration: [&'a mut [f32]; 3],
 }
 
 /// Writes the accelerations of the particles of one block, and their state after a substep of
@@ -74,6 +71,31 @@ pub(super) fn run(work: impl pulp::WithSimd<Output = ()>) {
     pulp::Arch::new().dispatch(work);
 }
 
+impl<'a> Motion<'a> {
+    /// The present motion of `particles`.
+    pub fn of(particles: &'a Particles) -> Self {
+        Self::at(&particles.position, &particles.velocity, particles)
+    }
+
+    /// With other positions and velocities.
+    pub fn at(position: &'a Vectors, velocity: &'a Vectors, particles: &'a Particles) -> Self {
+        Self {
+            position: position.axes(),
+            velocity: velocity.axes(),
+            applied_force: particles.applied_force.axes(),
+            inverse_mass: particles.inverse_mass(),
+        }
+    }
+}
+
+/// Evaluates the accelerations of `motion`, for the particles in `blocks`.
+pub(super) fn evaluate(motion: Motion, blocks: &Blocks, field: Field, acceleration: &mut Vectors) {
+    let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut()));
+    parallel::for_each(parts, blocks.are_worth_sharing(), |(block, acceleration)| {
+        run(Accelerate { block, motion, field, acceleration });
+    });
+}
+
 impl pulp::WithSimd for Predict<'_> {
     type Output = ();
 
@@ -98,15 +120,15 @@ impl pulp::WithSimd for Correct<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Accelerate { block, motion, field, mut target } = self.accelerate;
-        block_accelerations(block, motion, field, &mut target);
+        let Accelerate { block, motion, field, mut acceleration } = self.accelerate;
+        block_accelerations(block, motion, field, &mut acceleration);
         let half = 0.5 * self.substep;
         for (axis, velocity) in self.velocity.into_iter().enumerate() {
             let count = velocity.len();
-            let range = target.start..target.start + count;
+            let range = block.slots.start..block.slots.start + count;
             let predicted = &motion.velocity[axis][range];
             let predicted_acceleration = &self.predicted_acceleration[axis][..count];
-            let acceleration = &target.acceleration[axis][..count];
+            let acceleration = &acceleration[axis][..count];
             for index in 0..count {
                 let error = acceleration[index] - predicted_acceleration[index];
                 velocity[index] = predicted[index] + half * error;
@@ -120,7 +142,7 @@ impl pulp::WithSimd for Accelerate<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(mut self, _: S) {
-        block_accelerations(self.block, self.motion, self.field, &mut self.target);
+        block_accelerations(self.block, self.motion, self.field, &mut self.acceleration);
     }
 }
 
@@ -129,14 +151,14 @@ impl pulp::WithSimd for Advance<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { accelerate: Accelerate { block, motion, field, mut target }, substep, moved } = self;
-        block_accelerations(block, motion, field, &mut target);
-        let count = target.acceleration[0].len();
-        let range = target.start..target.start + count;
+        let Self { accelerate: Accelerate { block, motion, field, mut acceleration }, substep, moved } = self;
+        block_accelerations(block, motion, field, &mut acceleration);
+        let count = acceleration[0].len();
+        let range = block.slots.start..block.slots.start + count;
         for axis in 0..3 {
             let old_velocity = &motion.velocity[axis][range.clone()];
             let old_position = &motion.position[axis][range.clone()];
-            let acceleration = &target.acceleration[axis][..count];
+            let acceleration = &acceleration[axis][..count];
             let velocity = &mut moved.velocity[axis][..count];
             let position = &mut moved.position[axis][..count];
             for index in 0..count {
@@ -153,79 +175,142 @@ mod tests {
     use pulp::WithSimd;
 
     use super::*;
-    use crate::solver::forces::{accelerations, evaluate};
-    use crate::solver::{Particles, Springs, Vectors};
+    use crate::solver::elements::{Bend, Element, Elements, Spring};
 
     const FIELD: Field = Field { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.2 };
 
-    /// A strip of cloth of three blocks, a few springs from anywhere to anywhere, and a pinned corner.
-    fn net() -> (Particles, Springs) {
+    /// A strip of cloth of three blocks, a few springs and bends from anywhere to anywhere, and a pinned corner.
+    fn net() -> (Particles, Elements, Blocks) {
         let (width, count) = (37, 5000);
-        let mut particles = Particles::default();
-        let mut springs = Springs::default();
+        let (mut particles, mut elements) = (Particles::default(), Elements::default());
         let wobble = |slot: usize, factor: usize| (slot * factor % 101) as f32 * 0.002;
         for slot in 0..count {
             let (column, row) = ((slot % width) as f32, (slot / width) as f32);
             let position = Vec3::new(column + wobble(slot, 7), wobble(slot, 13), row + wobble(slot, 29));
             let velocity = Vec3::new(wobble(slot, 3), wobble(slot, 17), -wobble(slot, 5));
-            particles.push(position, velocity, if slot == 0 { f32::INFINITY } else { 0.3 }, 0.0);
+            particles.push(position, velocity, if slot == 0 { 0.0 } else { 1.0 / 0.3 }, 0.0);
         }
         for (columns, rows) in [(1, 0), (2, 0), (0, 1), (1, 1)] {
             for slot in (0..count).filter(|slot| slot % width + columns < width) {
                 let other = slot + columns + rows * width;
                 if other < count {
                     // One in three the other way round, and a softer one here and there.
-                    let (first, second) = if slot % 3 == 0 { (other, slot) } else { (slot, other) };
+                    let ends = if slot % 3 == 0 { [other, slot] } else { [slot, other] };
                     let stiffness = if slot % 500 == 7 { 20.0 } else { 80.0 };
-                    springs.push(first, second, 1.0 + wobble(slot, 11), stiffness, 0.5);
+                    let spring = Spring { rest_length: 1.0 + wobble(slot, 11), stiffness, damping: 0.5 };
+                    elements.push(ends.map(|end| end as u32), spring);
                 }
             }
         }
         for slot in (0..count).step_by(61) {
-            springs.push(slot, slot * 31 % count + 1, 5.0, 3.0, 0.1);
+            let far = slot * 31 % count + 1;
+            let spring = Spring { rest_length: 5.0, stiffness: 3.0, damping: 0.1 };
+            elements.push([slot as u32, far as u32], spring);
+            let ends = [slot as u32, (slot + 5) as u32, far as u32];
+            elements.push(ends, Bend { stiffness: 0.5, damping: 0.1, weights: [1.0, -2.0, 1.0] });
         }
-        springs.prepare(count);
-        assert!(springs.batches().blocks.len() > 1);
-        (particles, springs)
+        let blocks = Blocks::of(elements.clone(), &particles);
+        assert!(blocks.blocks.len() > 1);
+        (particles, elements, blocks)
     }
 
-    /// Each particle has fewer than n = 12 forces of at most 500 N; sums of n terms differ by at most
+    /// The forces as one would write them first: one element after the other.
+    fn plain(particles: &Particles, elements: &Elements) -> Vectors {
+        let mut force = Vectors::default();
+        for slot in 0..particles.len() {
+            force.push(particles.applied_force.get(slot) - FIELD.viscosity * particles.velocity.get(slot));
+        }
+        let springs = elements.springs().all_ends().iter().zip(elements.springs().elements());
+        for (&[first, second], spring) in springs {
+            let [first, second] = [first as usize, second as usize];
+            let between = |vectors: &Vectors| vectors.get(first) - vectors.get(second);
+            let pull = spring.pull(between(&particles.position), between(&particles.velocity));
+            force.add(first, pull);
+            force.add(second, -pull);
+        }
+        let rods = crate::solver::elements::Holds::<Bend<3>, 3>::table(elements);
+        for (ends, rod) in rods.all_ends().iter().zip(rods.elements()) {
+            let [a, b, c] = ends.map(|end| end as usize);
+            let bend = |vectors: &Vectors| vectors.get(a) - 2.0 * vectors.get(b) + vectors.get(c);
+            let pull = rod.pull(bend(&particles.position), bend(&particles.velocity));
+            force.add(a, pull);
+            force.add(b, -2.0 * pull);
+            force.add(c, pull);
+        }
+        for slot in 0..particles.len() {
+            let inverse_mass = particles.inverse_mass()[slot];
+            let free = force.get(slot) * inverse_mass + FIELD.gravity;
+            force.set(slot, if inverse_mass > 0.0 { free } else { Vec3::ZERO });
+        }
+        force
+    }
+
+    fn evaluated(particles: &Particles, blocks: &Blocks) -> Vectors {
+        let mut acceleration = Vectors::default();
+        acceleration.resize(particles.len());
+        evaluate(Motion::of(particles), blocks, FIELD, &mut acceleration);
+        acceleration
+    }
+
+    /// Each particle has fewer than n = 16 forces of at most 500 N; sums of n terms differ by at most
     /// 2 n u times the sum of their sizes, which 1/m turns into accelerations.
     #[test]
     fn the_kernel_does_what_the_plain_loop_does() {
-        let (mut particles, mut springs) = net();
-        let mut expected = Vectors::default();
-        let Particles { position, velocity, applied_force, inverse_mass, .. } = &particles;
-        accelerations(applied_force, inverse_mass, &springs, FIELD, position, velocity, &mut expected);
-        evaluate(&mut particles, &mut springs, FIELD);
-        let tolerance = 2.0 * 12.0 * (0.5 * f32::EPSILON) * (12.0 * 500.0) / 0.3;
+        let (particles, elements, blocks) = net();
+        let (expected, found) = (plain(&particles, &elements), evaluated(&particles, &blocks));
+        let tolerance = 2.0 * 16.0 * (0.5 * f32::EPSILON) * (16.0 * 500.0) / 0.3;
         let mut largest = 0.0_f32;
         for slot in 0..particles.len() {
-            let difference = particles.acceleration.get(slot) - expected.get(slot);
+            let difference = found.get(slot) - expected.get(slot);
             assert!(difference.length() < tolerance, "slot {slot}: {difference}");
             largest = largest.max(expected.get(slot).length());
         }
-        assert!(largest > 100.0 && particles.acceleration.get(0) == Vec3::ZERO);
+        assert!(largest > 100.0 && found.get(0) == Vec3::ZERO);
     }
 
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
-        let (mut particles, mut springs) = net();
-        evaluate(&mut particles, &mut springs, FIELD);
+        let (particles, _, blocks) = net();
         let mut portable = Vectors::default();
         portable.resize(particles.len());
-        let size = springs.batches().block_size;
-        let motion = Motion {
-            position: particles.position.axes(),
-            velocity: particles.velocity.axes(),
-            applied_force: particles.applied_force.axes(),
-            inverse_mass: &particles.inverse_mass,
-        };
-        for (number, acceleration) in portable.chunks_mut(size).enumerate() {
-            let block = &springs.batches().blocks[number];
-            let target = Target { start: number * size, acceleration };
-            Accelerate { block, motion, field: FIELD, target }.with_simd(pulp::Scalar::new());
+        let motion = Motion::of(&particles);
+        for (block, acceleration) in blocks.blocks.iter().zip(blocks.split(portable.axes_mut())) {
+            Accelerate { block, motion, field: FIELD, acceleration }.with_simd(pulp::Scalar::new());
         }
-        assert_eq!(particles.acceleration, portable);
+        assert_eq!(evaluated(&particles, &blocks), portable);
+    }
+
+    fn pair(velocities: [Vec3; 2], inverse_mass: f32, springs: bool) -> (Particles, Blocks) {
+        let (mut particles, mut elements) = (Particles::default(), Elements::default());
+        particles.push(Vec3::new(0.1, 0.7, -0.3), velocities[0], inverse_mass, 0.0);
+        particles.push(Vec3::new(-0.4, 0.2, 0.9), velocities[1], inverse_mass, 0.0);
+        if springs {
+            elements.push([0, 1], Spring { rest_length: 0.3, stiffness: 123.4, damping: 5.6 });
+        }
+        let blocks = Blocks::of(elements, &particles);
+        (particles, blocks)
+    }
+
+    #[test]
+    fn action_and_reaction_cancel_to_the_last_bit() {
+        let (particles, blocks) = pair([Vec3::new(3.0, -2.0, 0.5), Vec3::new(-1.0, 0.3, 0.2)], 1.0, true);
+        let mut acceleration = Vectors::default();
+        acceleration.resize(2);
+        let field = Field { gravity: Vec3::ZERO, viscosity: 0.0 };
+        evaluate(Motion::of(&particles), &blocks, field, &mut acceleration);
+        assert_eq!(acceleration.get(0), -acceleration.get(1));
+        assert!(acceleration.get(0).length() > 1.0);
+    }
+
+    #[test]
+    fn weight_viscosity_and_applied_force_add_up_and_move_no_pinned_particle() {
+        let (mut particles, blocks) = pair([Vec3::X * 2.0; 2], 0.25, false);
+        particles.applied_force.fill(Vec3::Z * 8.0);
+        particles.set_inverse_mass(1, 0.0);
+        let mut acceleration = Vectors::default();
+        acceleration.resize(2);
+        evaluate(Motion::of(&particles), &blocks, Field { viscosity: 6.0, ..FIELD }, &mut acceleration);
+        assert_eq!(acceleration.get(0), Vec3::new(-3.0, -9.81, 2.0));
+        assert_eq!(acceleration.get(1), Vec3::ZERO);
     }
 }

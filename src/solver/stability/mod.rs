@@ -1,14 +1,17 @@
 //! How large a substep may be: rigorous bounds on the frequencies of a net, and what follows from them.
 
-mod components;
 #[cfg(test)]
 mod modes;
+mod plan;
 mod tally;
 
-use super::integrators::Scheme;
-use components::has_loops;
-pub use components::{Choice, Components};
-use tally::{Tally, rates};
+use super::elements::Elements;
+use super::graph::{for_each_coupling, has_loops};
+use super::particles::Particles;
+use super::settings::Integrator;
+pub use plan::Plan;
+pub(super) use plan::Planner;
+use tally::Tally;
 
 /// The part of the largest stable step that automatic substeps use.
 ///
@@ -19,7 +22,7 @@ const STABILITY_MARGIN: f32 = 0.5;
 /// The least number of automatic substeps: contacts and free flight want some even without springs.
 const MIN_SUBSTEPS: u32 = 4;
 
-/// The number of automatic substeps of position-based dynamics on springs: each is one round over them.
+/// The number of automatic substeps of position-based dynamics on springs: each is one iteration over them.
 const XPBD_SUBSTEPS: u32 = 20;
 
 /// Velocity Verlet takes h ω <= 1.4 under `Auto`: its energy is right to (hω)²/8 of that of a mode; the
@@ -33,22 +36,22 @@ const FIRST_ORDER_RESOLUTION: f64 = 1.0;
 /// than its resolution: the bound is rigorous.
 const DAMPED_MARGIN: f32 = 0.95;
 
-/// Semi-implicit Euler is right to the first order only: under `Auto` it needs so many substeps at least.
-const FEWEST_FIRST_ORDER_SUBSTEPS: u32 = 16;
+/// Minimal number of substeps of semi-implicit Euler under `Auto`: it is right to the first order only.
+const MIN_FIRST_ORDER_SUBSTEPS: u32 = 16;
 
 /// The number of automatic substeps of implicit Euler where the springs form loops.
 const IMPLICIT_SUBSTEPS_WITH_LOOPS: u32 = 2;
 
-/// Up to so many substeps of velocity Verlet cost less than the automatic ones of implicit Euler.
+/// Number of substeps up to which velocity Verlet costs less than implicit Euler with its automatic ones.
 ///
 /// Measured in ns for a spring: a substep of velocity Verlet about 2, or 4 where there are contacts; one of
 /// implicit Euler 200 where it is solved directly (two Newton steps), about 1,400 by conjugate gradients on
 /// a stiff sheet.
-const MOST_EXPLICIT_WITHOUT_LOOPS: u32 = 192;
+const MAX_EXPLICIT_WITHOUT_LOOPS: u32 = 192;
 
-/// See [`MOST_EXPLICIT_WITHOUT_LOOPS`]. The cost would allow twice as many, but the rounding of positions
+/// See [`MAX_EXPLICIT_WITHOUT_LOOPS`]. The cost would allow twice as many, but the rounding of positions
 /// to f32, which stiff springs amplify, then heats a sheet that nothing damps.
-const MOST_EXPLICIT_WITH_LOOPS: u32 = 320;
+const MAX_EXPLICIT_WITH_LOOPS: u32 = 320;
 
 /// The largest number of automatic substeps: a tick must end, whatever a scene asks for.
 pub const MAX_SUBSTEPS: u32 = 65_536;
@@ -82,23 +85,12 @@ impl Default for FrequencyBounds {
 }
 
 impl FrequencyBounds {
-    /// Bounds for particles of `inverse_mass` (1/kg; 0: pinned), springs given as (first particle,
-    /// second particle, stiffness in N/m, damping in N·s/m), and a medium of `viscosity` in N·s/m.
-    pub fn of(
-        inverse_mass: &[f32],
-        springs: impl Iterator<Item = (usize, usize, f32, f32)> + Clone,
-        viscosity: f32,
-    ) -> Self {
-        let rates = rates(inverse_mass, springs.clone());
+    /// Bounds for a whole net in a medium of `viscosity` in N·s/m.
+    pub(super) fn of(elements: &Elements, particles: &Particles, viscosity: f32) -> Self {
         let mut tally = Tally::default();
-        for &inverse in inverse_mass {
-            tally.add_particle(inverse);
-        }
-        for (first, second, stiffness, damping) in springs.clone() {
-            tally.add_spring([rates[first], rates[second]], stiffness, damping);
-        }
-        let ends = springs.map(|(first, second, ..)| [first, second]);
-        tally.bounds(viscosity, has_loops(inverse_mass, ends))
+        particles.inverse_mass().iter().for_each(|inverse| tally.add_particle(*inverse));
+        for_each_coupling(elements, particles, |coupling| tally.add_coupling(&coupling));
+        tally.bounds(viscosity, has_loops(elements, particles))
     }
 
     /// The largest substep in s at which `scheme` is stable for every net within these bounds; may be
@@ -109,20 +101,20 @@ impl FrequencyBounds {
     /// equation with its own Rayleigh quotients), but for Runge–Kutta, where they are those of modes
     /// which the damping does not couple. Those of velocity Verlet are of its substeps within a tick; that the
     /// forces are evaluated anew when a tick begins leaves every mode stable, too (tested).
-    pub fn largest_stable_step(&self, scheme: Scheme) -> f32 {
+    pub fn largest_stable_step(&self, scheme: Integrator) -> f32 {
         let Self { angular_frequency: omega, damping_rate: gamma, retardation_time, .. } = *self;
         let real_limit = 2.0 / gamma;
         let limit = match scheme {
             // 1 − hγ + h²ω² <= 1, and hγ < 2
-            Scheme::ExplicitEuler => real_limit.min(retardation_time),
+            Integrator::ExplicitEuler => real_limit.min(retardation_time),
             // h²ω² + 2hγ < 4
-            Scheme::SemiImplicitEuler => 4.0 / (gamma + gamma.hypot(2.0 * omega)),
+            Integrator::SemiImplicitEuler => 4.0 / (gamma + gamma.hypot(2.0 * omega)),
             // 1 − hγ + h²ω²/2 <= 1, and hγ < 2
-            Scheme::SecondOrderTaylor => real_limit.min(2.0 * retardation_time),
+            Integrator::SecondOrderTaylor => real_limit.min(2.0 * retardation_time),
             // h²ω² + 4hγ < 4, from λ³ + (h²ω² + 3/2 hγ − 2) λ² + (1 − 2hγ) λ + hγ/2 = 0
-            Scheme::VelocityVerlet => 2.0 / (gamma + gamma.hypot(omega)),
-            Scheme::RungeKutta4 => 2.0 * RUNGE_KUTTA_4_RADIUS / (gamma + gamma.hypot(2.0 * omega)),
-            Scheme::ImplicitEuler | Scheme::Xpbd => f64::INFINITY,
+            Integrator::VelocityVerlet => 2.0 / (gamma + gamma.hypot(omega)),
+            Integrator::RungeKutta4 => 2.0 * RUNGE_KUTTA_4_RADIUS / (gamma + gamma.hypot(2.0 * omega)),
+            Integrator::Auto | Integrator::ImplicitEuler | Integrator::Xpbd => f64::INFINITY,
         };
         limit as f32
     }
@@ -134,52 +126,52 @@ impl FrequencyBounds {
     /// schemes does; unless they are damped and ask for so many substeps that semi-implicit Euler, which
     /// damping makes stable with fewer, is accurate too and costs less; or for so many that implicit Euler,
     /// which is stable whatever they are, does. Without springs semi-implicit Euler.
-    pub fn cheapest(&self, time_step: f32, least: u32) -> (Scheme, u32) {
+    pub(super) fn cheapest(&self, time_step: f32, least: u32) -> (Integrator, u32) {
         if self.angular_frequency == 0.0 {
             return (
-                Scheme::SemiImplicitEuler,
-                self.auto_substeps(Scheme::SemiImplicitEuler, time_step).max(least),
+                Integrator::SemiImplicitEuler,
+                self.auto_substeps(Integrator::SemiImplicitEuler, time_step).max(least),
             );
         }
         if !self.is_stiff(time_step, least) {
             let verlet = self.verlet_substeps(time_step).max(least);
             return match self.damped_substeps(time_step).map(|substeps| substeps.max(least)) {
                 // Each is one evaluation of the forces; velocity Verlet needs another one in each tick.
-                Some(damped) if damped <= verlet => (Scheme::SemiImplicitEuler, damped),
-                _ => (Scheme::VelocityVerlet, verlet),
+                Some(damped) if damped <= verlet => (Integrator::SemiImplicitEuler, damped),
+                _ => (Integrator::VelocityVerlet, verlet),
             };
         }
-        let implicit = self.auto_substeps(Scheme::ImplicitEuler, time_step);
-        (Scheme::ImplicitEuler, implicit.max(least))
+        let implicit = self.auto_substeps(Integrator::ImplicitEuler, time_step);
+        (Integrator::ImplicitEuler, implicit.max(least))
     }
 
     /// The substeps of semi-implicit Euler in a tick of `time_step` seconds under `Auto`, if the net is damped
     /// and they are many enough to be accurate.
     fn damped_substeps(&self, time_step: f32) -> Option<u32> {
-        let substeps = self.resolving_substeps(Scheme::SemiImplicitEuler, FIRST_ORDER_RESOLUTION, time_step);
-        (self.damping_rate > 0.0 && substeps >= FEWEST_FIRST_ORDER_SUBSTEPS).then_some(substeps)
+        let substeps = self.resolving_substeps(Integrator::SemiImplicitEuler, FIRST_ORDER_RESOLUTION, time_step);
+        (self.damping_rate > 0.0 && substeps >= MIN_FIRST_ORDER_SUBSTEPS).then_some(substeps)
     }
 
     /// The substeps of velocity Verlet in a tick of `time_step` seconds under `Auto`.
     fn verlet_substeps(&self, time_step: f32) -> u32 {
-        self.resolving_substeps(Scheme::VelocityVerlet, VERLET_RESOLUTION, time_step).max(MIN_SUBSTEPS)
+        self.resolving_substeps(Integrator::VelocityVerlet, VERLET_RESOLUTION, time_step).max(MIN_SUBSTEPS)
     }
 
-    /// So many substeps of an explicit scheme that h ω <= `resolution` and damping leaves it stable.
-    fn resolving_substeps(&self, scheme: Scheme, resolution: f64, time_step: f32) -> u32 {
+    /// The number of substeps of an explicit scheme with which h ω <= `resolution` and damping leaves it stable.
+    fn resolving_substeps(&self, scheme: Integrator, resolution: f64, time_step: f32) -> u32 {
         let resolved = (resolution / self.angular_frequency) as f32;
         (time_step / resolved.min(DAMPED_MARGIN * self.largest_stable_step(scheme))).ceil() as u32
     }
 
     /// Whether a tick of `time_step` seconds, of `least` substeps at least, costs less by implicit Euler.
     fn is_stiff(&self, time_step: f32, least: u32) -> bool {
-        let most = if self.has_loops { MOST_EXPLICIT_WITH_LOOPS } else { MOST_EXPLICIT_WITHOUT_LOOPS };
+        let most = if self.has_loops { MAX_EXPLICIT_WITH_LOOPS } else { MAX_EXPLICIT_WITHOUT_LOOPS };
         self.verlet_substeps(time_step) > most.max(least)
     }
 
-    /// Whether some components of a net within these bounds may want another scheme than the whole of it:
-    /// if not, there is no need to look for [`Components`].
-    pub fn may_divide(&self, time_step: f32, least: u32) -> bool {
+    /// Whether some islands of a net within these bounds may want another scheme than the whole of it: if not,
+    /// there is no need to find them.
+    pub(super) fn may_divide(&self, time_step: f32, least: u32) -> bool {
         Self { has_loops: false, ..*self }.is_stiff(time_step, least)
     }
 
@@ -188,14 +180,14 @@ impl FrequencyBounds {
     /// position-based dynamics on springs.
     ///
     /// A scheme that is never stable gets the substeps of semi-implicit Euler.
-    pub fn auto_substeps(&self, scheme: Scheme, time_step: f32) -> u32 {
+    pub fn auto_substeps(&self, scheme: Integrator, time_step: f32) -> u32 {
         match scheme {
-            Scheme::ImplicitEuler if self.has_loops => return IMPLICIT_SUBSTEPS_WITH_LOOPS,
-            Scheme::Xpbd if self.angular_frequency > 0.0 => return XPBD_SUBSTEPS,
+            Integrator::ImplicitEuler if self.has_loops => return IMPLICIT_SUBSTEPS_WITH_LOOPS,
+            Integrator::Xpbd if self.angular_frequency > 0.0 => return XPBD_SUBSTEPS,
             _ => {}
         }
         let own = self.largest_stable_step(scheme);
-        let limit = if own > 0.0 { own } else { self.largest_stable_step(Scheme::SemiImplicitEuler) };
+        let limit = if own > 0.0 { own } else { self.largest_stable_step(Integrator::SemiImplicitEuler) };
         let wanted = (time_step / (STABILITY_MARGIN * limit)).ceil();
         // A float too large for u32 saturates; NaN cannot occur as both are > 0.
         (wanted as u32).clamp(MIN_SUBSTEPS, MAX_SUBSTEPS)
@@ -210,12 +202,19 @@ mod tests {
     use super::modes::{quadratic_radius, spectral_radius};
     use super::*;
 
-    const PAIR: [(usize, usize, f32, f32); 1] = [(0, 1, 800.0, 4.0)];
+    use super::plan::tests::net;
+
+    const PAIR: [(u32, u32, f32, f32); 1] = [(0, 1, 800.0, 4.0)];
+
+    fn bounds_of(inverse_mass: &[f32], springs: &[(u32, u32, f32, f32)], viscosity: f32) -> FrequencyBounds {
+        let (elements, particles) = net(inverse_mass, springs);
+        FrequencyBounds::of(&elements, &particles, viscosity)
+    }
 
     #[test]
     fn bounds_of_a_spring_between_two_masses_are_exact() {
         // ω² = k (1/m1 + 1/m2), γ = c (1/m1 + 1/m2)
-        let bounds = FrequencyBounds::of(&[0.5, 0.25], PAIR.into_iter(), 0.0);
+        let bounds = bounds_of(&[0.5, 0.25], &PAIR, 0.0);
         assert!((bounds.angular_frequency - 600.0_f64.sqrt()).abs() < 1e-12);
         assert_eq!(bounds.damping_rate, 3.0);
         assert_eq!(bounds.retardation_time, 4.0 / 800.0);
@@ -223,7 +222,7 @@ mod tests {
 
     #[test]
     fn a_pinned_end_and_a_viscous_medium() {
-        let bounds = FrequencyBounds::of(&[0.0, 0.5], PAIR.into_iter(), 6.0);
+        let bounds = bounds_of(&[0.0, 0.5], &PAIR, 6.0);
         assert_eq!(bounds.angular_frequency, 20.0);
         assert_eq!(bounds.damping_rate, 2.0 + 3.0);
         assert_eq!(bounds.retardation_time, 4.0 / 800.0 + 6.0 / 800.0);
@@ -231,9 +230,9 @@ mod tests {
 
     #[test]
     fn free_particles_have_no_limit() {
-        let bounds = FrequencyBounds::of(&[1.0], [].into_iter(), 0.0);
+        let bounds = bounds_of(&[1.0], &[], 0.0);
         assert_eq!(bounds, FrequencyBounds::default());
-        for scheme in Scheme::ALL {
+        for scheme in Integrator::named() {
             assert_eq!(bounds.largest_stable_step(scheme), f32::INFINITY, "{scheme:?}");
             assert_eq!(bounds.auto_substeps(scheme, 1.0 / 60.0), MIN_SUBSTEPS);
         }
@@ -241,7 +240,7 @@ mod tests {
 
     #[test]
     fn every_mode_within_the_bounds_is_stable_at_the_largest_stable_step() {
-        for scheme in Scheme::ALL {
+        for scheme in Integrator::named() {
             for (omega, gamma) in [(30.0, 0.0), (30.0, 1.0), (30.0, 20.0), (30.0, 60.0), (30.0, 300.0)] {
                 let retardation_time = gamma / (omega * omega);
                 let bounds = FrequencyBounds {
@@ -254,7 +253,7 @@ mod tests {
                 for share in 1..=50 {
                     let omega = omega * f64::from(share) / 50.0;
                     let least_gamma = match scheme {
-                        Scheme::ExplicitEuler | Scheme::SecondOrderTaylor => retardation_time * omega * omega,
+                        Integrator::ExplicitEuler | Integrator::SecondOrderTaylor => retardation_time * omega * omega,
                         _ => 0.0,
                     };
                     for blend in 0..=20 {
@@ -295,10 +294,10 @@ mod tests {
     #[test]
     fn the_bound_is_sharp_for_one_mode() {
         for (scheme, gamma) in [
-            (Scheme::ExplicitEuler, 20.0),
-            (Scheme::SemiImplicitEuler, 20.0),
-            (Scheme::SecondOrderTaylor, 20.0),
-            (Scheme::VelocityVerlet, 20.0),
+            (Integrator::ExplicitEuler, 20.0),
+            (Integrator::SemiImplicitEuler, 20.0),
+            (Integrator::SecondOrderTaylor, 20.0),
+            (Integrator::VelocityVerlet, 20.0),
         ] {
             let bounds = FrequencyBounds {
                 angular_frequency: 30.0,
@@ -312,36 +311,26 @@ mod tests {
     }
 
     #[test]
-    fn loops_are_found_among_free_particles() {
-        let loops = |inverse_mass: &[f32]| {
-            let ring = [(0, 1), (1, 2), (3, 2), (3, 0)].map(|(first, second)| (first, second, 1.0, 0.0));
-            FrequencyBounds::of(inverse_mass, ring.into_iter(), 0.0).has_loops
-        };
-        assert!(loops(&[1.0; 4]));
-        assert!(!loops(&[1.0, 1.0, 0.0, 1.0]));
-    }
-
-    #[test]
     fn the_cheapest_scheme_is_implicit_where_springs_are_stiff() {
-        let bounds = |stiffness| FrequencyBounds::of(&[0.0, 1.0], [(0, 1, stiffness, 0.0)].into_iter(), 0.0);
+        let bounds = |stiffness| bounds_of(&[0.0, 1.0], &[(0, 1, stiffness, 0.0)], 0.0);
         // hω <= 1.4: √k / 89.6 substeps.
         let cheapest = |omega: f32, least| bounds(omega * omega).cheapest(1.0 / 64.0, least);
-        assert_eq!(cheapest(890.0, 1), (Scheme::VelocityVerlet, 10));
-        assert_eq!(cheapest(890.0, 12), (Scheme::VelocityVerlet, 12));
-        assert_eq!(cheapest(1.0, 1), (Scheme::VelocityVerlet, 4));
-        assert_eq!(cheapest(89_000.0, 1), (Scheme::ImplicitEuler, 4));
-        assert_eq!(cheapest(89_000.0, 12), (Scheme::ImplicitEuler, 12));
-        assert_eq!(cheapest(89_000.0, 2000), (Scheme::VelocityVerlet, 2000));
-        assert_eq!(FrequencyBounds::default().cheapest(1.0 / 64.0, 1), (Scheme::SemiImplicitEuler, 4));
+        assert_eq!(cheapest(890.0, 1), (Integrator::VelocityVerlet, 10));
+        assert_eq!(cheapest(890.0, 12), (Integrator::VelocityVerlet, 12));
+        assert_eq!(cheapest(1.0, 1), (Integrator::VelocityVerlet, 4));
+        assert_eq!(cheapest(89_000.0, 1), (Integrator::ImplicitEuler, 4));
+        assert_eq!(cheapest(89_000.0, 12), (Integrator::ImplicitEuler, 12));
+        assert_eq!(cheapest(89_000.0, 2000), (Integrator::VelocityVerlet, 2000));
+        assert_eq!(FrequencyBounds::default().cheapest(1.0 / 64.0, 1), (Integrator::SemiImplicitEuler, 4));
     }
 
     #[test]
     fn automatic_substeps_keep_half_of_the_bound() {
         // One mass on a pinned spring with ω = 1000 rad/s: the limit is 2 ms, half of it 1 ms.
-        let bounds = FrequencyBounds::of(&[0.0, 1.0], [(0, 1, 1e6, 0.0)].into_iter(), 0.0);
-        assert_eq!(bounds.auto_substeps(Scheme::SemiImplicitEuler, 0.0165), 17);
-        assert_eq!(bounds.auto_substeps(Scheme::ExplicitEuler, 0.0165), 17);
-        let absurd = FrequencyBounds::of(&[0.0, f32::MAX], [(0, 1, f32::MAX, 0.0)].into_iter(), 0.0);
-        assert_eq!(absurd.auto_substeps(Scheme::SemiImplicitEuler, 1.0), MAX_SUBSTEPS);
+        let bounds = bounds_of(&[0.0, 1.0], &[(0, 1, 1e6, 0.0)], 0.0);
+        assert_eq!(bounds.auto_substeps(Integrator::SemiImplicitEuler, 0.0165), 17);
+        assert_eq!(bounds.auto_substeps(Integrator::ExplicitEuler, 0.0165), 17);
+        let absurd = bounds_of(&[0.0, f32::MAX], &[(0, 1, f32::MAX, 0.0)], 0.0);
+        assert_eq!(absurd.auto_substeps(Integrator::SemiImplicitEuler, 1.0), MAX_SUBSTEPS);
     }
 }

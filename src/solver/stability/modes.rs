@@ -1,19 +1,19 @@
 //! What a step of each scheme does to one mode: the spectral radii with which the tests compare the bounds.
 
-use super::super::integrators::Scheme;
+use super::super::settings::Integrator;
 
 /// The largest modulus of the eigenvalues of one step on the mode x'' = −ω² x − γ x'.
-pub(super) fn spectral_radius(scheme: Scheme, omega: f64, gamma: f64, step: f64) -> f64 {
+pub(super) fn spectral_radius(scheme: Integrator, omega: f64, gamma: f64, step: f64) -> f64 {
     let (a, g) = (step * step * omega * omega, step * gamma);
     // z solves z² + g z + a = 0: the eigenvalues of h times the exact system.
     let (trace, determinant) = match scheme {
-        Scheme::ExplicitEuler => (2.0 - g, 1.0 - g + a),
-        Scheme::SemiImplicitEuler => (2.0 - a - g, 1.0 - g),
-        Scheme::SecondOrderTaylor => (2.0 - a / 2.0 - g, 1.0 - g + a / 2.0),
-        Scheme::VelocityVerlet => return cubic_radius([a + 1.5 * g - 2.0, 1.0 - 2.0 * g, g / 2.0]),
-        Scheme::RungeKutta4 => return runge_kutta_4_radius(a, g),
+        Integrator::ExplicitEuler => (2.0 - g, 1.0 - g + a),
+        Integrator::SemiImplicitEuler => (2.0 - a - g, 1.0 - g),
+        Integrator::SecondOrderTaylor => (2.0 - a / 2.0 - g, 1.0 - g + a / 2.0),
+        Integrator::VelocityVerlet => return cubic_radius([a + 1.5 * g - 2.0, 1.0 - 2.0 * g, g / 2.0]),
+        Integrator::RungeKutta4 => return runge_kutta_4_radius(a, g),
         // One spring by itself is solved for exactly.
-        Scheme::ImplicitEuler | Scheme::Xpbd => {
+        Integrator::Auto | Integrator::ImplicitEuler | Integrator::Xpbd => {
             let denominator = 1.0 + g + a;
             ((2.0 + g) / denominator, 1.0 / denominator)
         }

@@ -1,23 +1,9 @@
 //! The sums and extremes that bounds on frequencies are made of.
 
 use super::FrequencyBounds;
+use crate::solver::graph::Coupling;
 
-/// For each particle Σ k / m in 1/s², and Σ c / m in 1/s, over its springs.
-pub(super) fn rates(
-    inverse_mass: &[f32],
-    springs: impl Iterator<Item = (usize, usize, f32, f32)>,
-) -> Vec<[f64; 2]> {
-    let mut rates = vec![[0.0; 2]; inverse_mass.len()];
-    for (first, second, stiffness, damping) in springs {
-        for end in [first, second] {
-            rates[end][0] += f64::from(stiffness) * f64::from(inverse_mass[end]);
-            rates[end][1] += f64::from(damping) * f64::from(inverse_mass[end]);
-        }
-    }
-    rates
-}
-
-/// What [`FrequencyBounds`] are made of, as particles and springs are added.
+/// What [`FrequencyBounds`] are made of, as particles and elements are added.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tally {
     frequency_squared: f64,
@@ -42,12 +28,13 @@ impl Tally {
         }
     }
 
-    /// Adds a spring between ends of these [`rates`].
-    pub fn add_spring(&mut self, [first, second]: [[f64; 2]; 2], stiffness: f32, damping: f32) {
-        self.frequency_squared = self.frequency_squared.max(first[0] + second[0]);
-        self.damping_rate = self.damping_rate.max(first[1] + second[1]);
+    /// Adds an element.
+    pub fn add_coupling(&mut self, coupling: &Coupling) {
+        self.frequency_squared = self.frequency_squared.max(coupling.frequency_squared);
+        self.damping_rate = self.damping_rate.max(coupling.damping_rate);
+        let [stiffness, damping] = [coupling.rates.stiffness, coupling.rates.damping].map(f64::from);
         if stiffness > 0.0 {
-            self.retardation_time = self.retardation_time.min(f64::from(damping) / f64::from(stiffness));
+            self.retardation_time = self.retardation_time.min(damping / stiffness);
         }
     }
 

@@ -1,0 +1,90 @@
+//! Particles in the layout of the contact solver: each in one cache line, its vectors in SIMD registers.
+//!
+//! Contacts read and write pairs of particles all over memory, where forces and integration run along the
+//! arrays; so while contacts are solved the particles are a plain array of structures, ordered as
+//! [`Regions`] say.
+
+use bevy::math::Vec3A;
+
+use crate::solver::parallel;
+use crate::solver::particles::{Particles, Vectors, set};
+
+use crate::solver::graph::Exclusions;
+use super::regions::Regions;
+
+/// Number of bodies that are copied as one part.
+const BODIES_PER_PART: usize = 4096;
+
+/// What contacts read and write of a particle.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
+pub(super) struct Body {
+    pub position: Vec3A,
+    pub velocity: Vec3A,
+    /// The position at the start of the substep, m.
+    pub previous: Vec3A,
+    pub inverse_mass: f32,
+    pub radius: f32,
+    /// Number of its resting contacts.
+    pub holds: u32,
+    /// Whether it rests on the ground or on something that does.
+    pub supported: bool,
+    /// Whether springs pull at it.
+    pub sprung: bool,
+}
+
+impl Body {
+    /// How far it has moved in this substep, m.
+    #[inline]
+    pub fn moved(&self) -> Vec3A {
+        self.position - self.previous
+    }
+}
+
+/// Copies all particles; `previous` are their positions at the start of the substep.
+pub(super) fn fill(
+    bodies: &mut Vec<Body>,
+    particles: &Particles,
+    previous: &Vectors,
+    regions: &Regions,
+    exclusions: &Exclusions,
+) {
+    bodies.resize(particles.len(), Body::default());
+    let parts = bodies.chunks_mut(BODIES_PER_PART).zip(regions.slot_of.chunks(BODIES_PER_PART));
+    parallel::for_each(parts, regions.are_many(), |(bodies, slots)| {
+        for (body, slot) in bodies.iter_mut().zip(slots) {
+            let slot = *slot as usize;
+            *body = Body {
+                position: particles.position.get(slot).into(),
+                velocity: particles.velocity.get(slot).into(),
+                previous: previous.get(slot).into(),
+                inverse_mass: particles.inverse_mass()[slot],
+                radius: particles.radius()[slot],
+                holds: 0,
+                supported: particles.inverse_mass()[slot] == 0.0,
+                sprung: exclusions.is_sprung(slot),
+            };
+        }
+    });
+}
+
+/// Changes each body by itself.
+pub(super) fn for_each(bodies: &mut [Body], regions: &Regions, change: impl Fn(&mut Body) + Sync) {
+    parallel::for_each(bodies.chunks_mut(BODIES_PER_PART), regions.are_many(), |bodies| {
+        bodies.iter_mut().for_each(&change)
+    });
+}
+
+/// Copies positions and velocities back.
+pub(super) fn write_back(bodies: &[Body], particles: &mut Particles, regions: &Regions) {
+    let places =
+        particles.position.chunks_mut(BODIES_PER_PART).zip(particles.velocity.chunks_mut(BODIES_PER_PART));
+    let parts = places.zip(regions.body_of.chunks(BODIES_PER_PART));
+    parallel::for_each(parts, regions.are_many(), |((mut position, mut velocity), numbers)| {
+        for (place, number) in numbers.iter().enumerate() {
+            let body = &bodies[*number as usize];
+            set(&mut position, place, body.position.into());
+            set(&mut velocity, place, body.velocity.into());
+        }
+    });
+}

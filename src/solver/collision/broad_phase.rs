@@ -1,0 +1,159 @@
+//! Broad phase: where the particles were in the last search, and how far they may move before the next.
+//!
+//! Each particle is given a *skin*: a pair is a candidate when their spheres, skins included, overlap.
+//! Until a particle has moved by more than its skin no other pair can touch, so the candidates are searched
+//! only then (a Verlet list: Verlet, *Phys. Rev.* 159, 98, 1967); a settled pile is never searched again.
+
+use bevy::math::Vec3;
+
+use crate::solver::particles::{Particles, Vectors};
+
+/// The skins of slow particles, as a part of their radius: thin ones as long as lists last, which keeps them
+/// short, wide ones when they do not, which makes new lists rarer.
+const THIN_SKIN: f32 = 0.2;
+const WIDE_SKIN: f32 = 0.4;
+
+/// Skins become wide when a thin one is used up in fewer substeps: a new list of 10,000 balls in a pile takes
+/// as long as about ten passes over the pairs that a wide skin adds.
+const MIN_LIFE: f32 = 10.0;
+
+/// A particle is fast that would use up the skin of slow ones within this number of ticks. Among crowded
+/// particles thick skins are for a few: the first of these numbers is taken that makes at most one particle
+/// in sixteen fast.
+const FAST_TICKS: [f32; 4] = [4.0, 1.0, 0.25, 0.0];
+
+/// The last search: from it, radii, masses and springs follow the candidates, their order and their groups.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct BroadPhase {
+    /// The positions then, m.
+    pub origins: Vectors,
+    /// m. Of points, which never collide, the largest number.
+    pub skins: Vec<f32>,
+    /// Against gravity then; zero where there was none.
+    pub up: Vec3,
+    /// Whether any particle is more than a point.
+    pub any_spheres: bool,
+}
+
+impl BroadPhase {
+    /// Whether it is about this number of particles.
+    pub fn fits(&self, count: usize) -> bool {
+        self.skins.len() == count && self.origins.axes().iter().all(|axis| axis.len() == count)
+    }
+
+    /// Starts a search at the present positions.
+    pub fn start(&mut self, particles: &Particles, up: Vec3) {
+        self.origins.copy_from(&particles.position);
+        self.up = up;
+        self.any_spheres = particles.radius().iter().any(|radius| *radius > 0.0);
+    }
+
+    /// Chooses the skins by the present velocities; `wide` and `crowded` as in [`super::ContactMemory`],
+    /// `time_step` in s.
+    pub fn choose_skins(&mut self, particles: &Particles, wide: bool, crowded: bool, time_step: f32) {
+        // A sphere with a thick skin is twice as large as with the skin of a slow one, so that the two come
+        // into different classes of the grid, and a few fast ones do not widen the cells of all.
+        let slow_skin = slow_skin(wide);
+        let thick_skin = 1.0 + 2.0 * slow_skin;
+        let common = mean(particles.len(), |slot| particles.velocity.get(slot));
+        let is_fast = |slot: usize, ticks: f32| {
+            let travel = (particles.velocity.get(slot) - common).length() * ticks * time_step;
+            travel > slow_skin * particles.radius()[slot]
+        };
+        let few = particles.len() / 16;
+        let few_are_fast = |ticks: &f32| {
+            (0..particles.len()).filter(|slot| is_fast(*slot, *ticks)).take(few + 1).count() <= few
+        };
+        let ticks = if crowded { FAST_TICKS.into_iter().find(few_are_fast) } else { None };
+        let ticks = ticks.unwrap_or(FAST_TICKS[0]);
+        self.skins.clear();
+        self.skins.extend(particles.radius().iter().enumerate().map(|(slot, &radius)| match radius {
+            0.0 => f32::MAX,
+            _ if is_fast(slot, ticks) => thick_skin * radius,
+            _ => slow_skin * radius,
+        }));
+    }
+
+    /// Whether a particle has moved by more than its skin. What all have moved by together does not count:
+    /// it brings no two of them closer.
+    pub fn skin_exceeded(&self, particles: &Particles) -> bool {
+        if !self.any_spheres {
+            return false;
+        }
+        let [x, y, z] = particles.position.axes();
+        let [origin_x, origin_y, origin_z] = self.origins.axes();
+        let common =
+            mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot)).to_array();
+        let moved = x.iter().zip(origin_x).zip(y.iter().zip(origin_y)).zip(z.iter().zip(origin_z));
+        moved.zip(&self.skins).any(|((((x, from_x), (y, from_y)), (z, from_z)), skin)| {
+            let moved = [x - from_x - common[0], y - from_y - common[1], z - from_z - common[2]];
+            Vec3::from_array(moved).length_squared() > skin * skin
+        })
+    }
+}
+
+/// Whether skins are better wide: a list with the present ones has lasted `age` substeps.
+pub(super) fn should_be_wide(wide: bool, age: u32) -> bool {
+    age as f32 * (THIN_SKIN / slow_skin(wide)) < MIN_LIFE
+}
+
+/// The skin of slow particles, as a part of their radius.
+fn slow_skin(wide: bool) -> f32 {
+    if wide { WIDE_SKIN } else { THIN_SKIN }
+}
+
+/// About the mean of a vector over `count` particles: that of every sixteenth. Zero if it is not finite.
+fn mean(count: usize, vector: impl Fn(usize) -> Vec3) -> Vec3 {
+    let sample = (0..count).step_by(16);
+    let size = sample.len() as f32;
+    let mean = sample.map(vector).sum::<Vec3>() / size;
+    if mean.is_finite() { mean } else { Vec3::ZERO }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of spheres of radius 0.5 m, and their search.
+    fn row(count: usize) -> (Particles, BroadPhase) {
+        let mut particles = Particles::default();
+        for slot in 0..count {
+            particles.push(Vec3::X * 1.5 * slot as f32, Vec3::ZERO, 1.0, 0.5);
+        }
+        let mut broad_phase = BroadPhase::default();
+        broad_phase.start(&particles, Vec3::Y);
+        broad_phase.choose_skins(&particles, false, false, 0.01);
+        (particles, broad_phase)
+    }
+
+    #[test]
+    fn skins_are_exceeded_by_moving_further() {
+        let (mut particles, broad_phase) = row(2);
+        assert_eq!(broad_phase.skins, [0.1, 0.1]);
+        for (x, exceeded) in [(1.5, false), (1.42, false), (1.38, true), (1.62, true)] {
+            particles.position.set(1, Vec3::X * x);
+            assert_eq!(broad_phase.skin_exceeded(&particles), exceeded, "{x} m");
+        }
+    }
+
+    #[test]
+    fn moving_together_exceeds_no_skin() {
+        let (mut particles, broad_phase) = row(40);
+        for height in &mut particles.position.y {
+            *height += 100.0;
+        }
+        assert!(!broad_phase.skin_exceeded(&particles));
+        particles.position.y[20] -= 1.0;
+        assert!(broad_phase.skin_exceeded(&particles));
+    }
+
+    #[test]
+    fn fast_particles_have_thick_skins_and_points_any() {
+        let (mut particles, mut broad_phase) = row(3);
+        particles.velocity.set(1, Vec3::Y * 3.0);
+        particles.radius[2] = 0.0;
+        broad_phase.choose_skins(&particles, false, false, 0.01);
+        assert_eq!(broad_phase.skins, [0.1, 0.7, f32::MAX]);
+    }
+}

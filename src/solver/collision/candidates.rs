@@ -1,0 +1,365 @@
+//! The pairs of particles that may touch: searched anew when the memory's last search has become invalid, or
+//! derived from that search again.
+
+use crate::solver::graph::Exclusions;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::state::Version;
+
+use super::Substep;
+use super::broad_phase::{BroadPhase, should_be_wide};
+use super::grid::Grid;
+use super::list::{Candidate, List, Past, slots};
+use super::memory::{ContactMemory, RememberedContact};
+use super::pairs::PairContacts;
+use super::regions::{Groups, Regions};
+
+/// Number of pairs a particle from which on particles are crowded: thick skins then cost more than they save.
+const CROWDED_PAIRS: usize = 8;
+
+/// Number of pairs a particle below which they are crowded no longer.
+const SCATTERED_PAIRS: usize = 1;
+
+/// The candidate pairs, a cache of [`ContactMemory`].
+#[derive(Debug, Clone, Default)]
+pub(super) struct Candidates {
+    /// In groups, each from the bottom of the world to the top.
+    pub list: List,
+    grid: Grid,
+    /// The found pairs of slots.
+    found: Vec<(u32, u32)>,
+    /// The same in groups.
+    grouped: Vec<(u32, u32)>,
+    /// The heights of their middles, as sortable bits, and their places in the group.
+    keys: Vec<u64>,
+    /// The height of each particle, m.
+    heights: Vec<f32>,
+    pub exclusions: Exclusions,
+    pub regions: Regions,
+    pub groups: Groups,
+    /// The memory from which all this follows.
+    version: Option<Version>,
+    /// Whether contacts have been found since then that the memory does not hold yet.
+    ahead: bool,
+}
+
+impl Candidates {
+    /// There are `count` particles, and no pairs among them.
+    pub fn disable(&mut self, memory: &mut ContactMemory, count: usize) {
+        memory.forget();
+        self.list.clear();
+        self.groups.clear();
+        self.regions.set_single(count);
+        self.version = None;
+        self.ahead = false;
+    }
+
+    /// Makes the list good for the present positions, and recalls in `contacts` the impulses of the substep
+    /// before. `previous` are the positions at the start of the substep, m.
+    pub fn refresh(
+        &mut self,
+        memory: &mut ContactMemory,
+        contacts: &mut PairContacts,
+        particles: &Particles,
+        previous: &Vectors,
+        substep: Substep,
+    ) {
+        let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()));
+        let exceeded = last.map(|last| last.skin_exceeded(particles));
+        let derived = exceeded.is_some() && self.version == Some(memory.version);
+        if !derived {
+            self.exclusions.rebuild(particles, substep.elements);
+        }
+        memory.age = memory.age.saturating_add(1);
+        if exceeded != Some(false) {
+            self.store(memory, contacts);
+            if exceeded == Some(true) {
+                memory.wide = should_be_wide(memory.wide, memory.age);
+            }
+            self.search_anew(memory, particles, substep);
+            self.recall(memory, contacts);
+            self.entangle(memory, particles, previous);
+        } else if let Some(last) = memory.broad_phase.as_ref().filter(|_| !derived) {
+            self.search(last, particles);
+            self.sort_bottom_up(last, particles.radius());
+            self.recall(memory, contacts);
+        }
+        self.version = Some(memory.version);
+        self.ahead = true;
+    }
+
+    /// Writes the contacts into the memory.
+    pub fn store(&mut self, memory: &mut ContactMemory, contacts: &PairContacts) {
+        if !std::mem::take(&mut self.ahead) {
+            return;
+        }
+        let ContactMemory { contacts: remembered, entangled, version, .. } = memory;
+        remembered.clear();
+        entangled.clear();
+        for group in self.groups.iter() {
+            let slot = |place: usize| self.regions.slot_of[group.bodies.start + place];
+            remembered.extend(contacts.of(group).iter().map(|contact| {
+                let (one, other) = (slot(contact.first()), slot(contact.second()));
+                RememberedContact { slots: [one.min(other), one.max(other)], impulses: contact.impulses }
+            }));
+            if group.entangled {
+                let pairs = &self.list.pairs[group.pairs.clone()];
+                let pairs = pairs.iter().filter(|pair| pair.past == Past::Entangled);
+                entangled.extend(pairs.map(|pair| slots(&self.regions.slot_of, pair)));
+            }
+        }
+        *version = Version::new();
+        self.version = Some(*version);
+    }
+
+    /// Searches the pairs at the present positions.
+    fn search_anew(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
+        let time_step = substep.settings.time_step;
+        let ContactMemory { broad_phase, wide, age, crowded, .. } = memory;
+        *age = 0;
+        let broad_phase = broad_phase.get_or_insert_default();
+        broad_phase.start(particles, substep.up());
+        broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+        self.search(broad_phase, particles);
+        if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
+            *crowded = true;
+            broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+            self.search(broad_phase, particles);
+        }
+        *crowded &= self.found.len() >= SCATTERED_PAIRS * particles.len();
+        self.sort_bottom_up(broad_phase, particles.radius());
+    }
+
+    /// Finds the pairs of a search.
+    fn search(&mut self, broad_phase: &BroadPhase, particles: &Particles) {
+        let Self { grid, found, exclusions, .. } = self;
+        let BroadPhase { origins, skins, .. } = broad_phase;
+        let (radius, inverse_mass) = (particles.radius(), particles.inverse_mass());
+        let spheres = (0..radius.len())
+            .filter(|slot| radius[*slot] > 0.0)
+            .map(|slot| (slot as u32, origins.get(slot), radius[slot] + skins[slot]));
+        let may_collide = |a: u32, b: u32| {
+            let free = inverse_mass[a as usize] + inverse_mass[b as usize] > 0.0;
+            free && !exclusions.contains(a.min(b), a.max(b))
+        };
+        grid.find_pairs(spheres, may_collide, found);
+    }
+
+    /// Divides the found pairs into groups, and lists those of each by the height of their middle: whatever
+    /// carries a pair comes before it. (Not by that of the lower particle: pairs in a row that share one
+    /// would have to wait for each other.)
+    fn sort_bottom_up(&mut self, broad_phase: &BroadPhase, radius: &[f32]) {
+        let Self { list, heights, keys, found, grouped, regions, groups, .. } = self;
+        let BroadPhase { origins, up, .. } = broad_phase;
+        regions.divide(origins, radius, *up);
+        groups.arrange(regions, found, grouped);
+        heights.clear();
+        heights.extend((0..origins.len()).map(|slot| origins.get(slot).dot(*up)));
+        keys.resize(found.len(), 0);
+        list.pairs.resize(found.len(), Candidate { lower: 0, upper: 0, past: Past::Apart });
+        let height = |slot: u32| heights[slot as usize];
+        let body = |slot: u32| regions.body_of[slot as usize];
+        groups.for_each_list((&mut keys[..], &mut list.pairs[..]), |group, (keys, pairs)| {
+            let found = &grouped[group.pairs.clone()];
+            for (place, (key, (a, b))) in keys.iter_mut().zip(found).enumerate() {
+                // Floats sort like integers once the bits of negative ones are inverted.
+                let bits = (height(*a) + height(*b)).to_bits();
+                let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+                *key = u64::from(sortable) << 32 | place as u64;
+            }
+            keys.sort_unstable();
+            for (pair, key) in pairs.iter_mut().zip(keys) {
+                let (a, b) = found[*key as u32 as usize];
+                let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
+                *pair = Candidate { lower: body(lower), upper: body(upper), past: Past::Apart };
+            }
+        });
+    }
+
+    /// Gives the listed pairs the past that the memory holds.
+    fn recall(&mut self, memory: &ContactMemory, contacts: &mut PairContacts) {
+        let Self { list, regions, .. } = self;
+        list.index(&regions.slot_of);
+        contacts.reserve(list.pairs.len());
+        let are_known = |slots: &[u32; 2]| slots.iter().all(|slot| memory.has_searched(*slot));
+        for contact in memory.contacts.iter().filter(|contact| are_known(&contact.slots)) {
+            if let Some(place) = list.find(contact.slots) {
+                list.pairs[place].past = Past::Contact(place as u32);
+                contacts.current[place].impulses = contact.impulses;
+            }
+        }
+        for slots in memory.entangled.iter().filter(|slots| are_known(slots)) {
+            if let Some(place) = list.find(*slots) {
+                list.pairs[place].past = Past::Entangled;
+            }
+        }
+    }
+
+    /// Finds the pairs on springs that overlap when one of them is new: they do not collide until they part.
+    /// From now on no particle is new.
+    fn entangle(&mut self, memory: &mut ContactMemory, particles: &Particles, previous: &Vectors) {
+        let Self { list, exclusions, regions, .. } = self;
+        let are_new = |slots: [u32; 2]| !slots.iter().all(|slot| memory.has_searched(*slot));
+        let overlap = |[a, b]: [usize; 2]| {
+            let reach = particles.radius()[a] + particles.radius()[b];
+            previous.get(a).distance_squared(previous.get(b)) < reach * reach
+        };
+        if exclusions.any_sprung() {
+            for pair in list.pairs.iter_mut().filter(|pair| pair.past == Past::Apart) {
+                let slots = slots(&regions.slot_of, pair);
+                let ends = slots.map(|slot| slot as usize);
+                if ends.iter().all(|slot| exclusions.is_sprung(*slot)) && are_new(slots) && overlap(ends) {
+                    pair.past = Past::Entangled;
+                }
+            }
+        }
+        memory.searched.clear();
+        memory.searched.extend(particles.radius().iter().map(|radius| *radius > 0.0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::*;
+    use crate::solver::StepSettings;
+    use crate::solver::collision::pairs::Impulses;
+    use crate::solver::springs::Springs;
+
+    fn row(spacing: f32, count: usize) -> Particles {
+        let mut particles = Particles::default();
+        for slot in 0..count {
+            particles.push(Vec3::X * spacing * slot as f32, Vec3::ZERO, 1.0, 0.5);
+        }
+        particles
+    }
+
+    /// The memory and what follows from it.
+    #[derive(Default)]
+    struct Pairs {
+        memory: ContactMemory,
+        candidates: Candidates,
+        contacts: PairContacts,
+        springs: Springs,
+    }
+
+    impl Pairs {
+        /// Refreshes the candidates and lists them, each pair in the order of its slots.
+        fn refresh(&mut self, particles: &Particles) -> Vec<[u32; 2]> {
+            let Self { memory, candidates, contacts, springs } = self;
+            let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
+            let (planes, acceleration) = (&[], &Vectors::default());
+            let substep = Substep { springs, planes, acceleration, settings, duration: 0.01, elapsed: 1.0 };
+            candidates.refresh(memory, contacts, particles, &particles.position, substep);
+            // No narrow phase follows.
+            candidates.ahead = false;
+            let Candidates { list, regions, .. } = candidates;
+            let mut pairs: Vec<_> = list.pairs.iter().map(|pair| slots(&regions.slot_of, pair)).collect();
+            pairs.sort_unstable();
+            pairs
+        }
+
+        /// The normal impulse that the pair of two slots had, if it touched.
+        fn impulse(&self, slots: [u32; 2]) -> Option<f32> {
+            match self.past(slots) {
+                Past::Contact(contact) => Some(self.contacts.current[contact as usize].impulses.normal),
+                _ => None,
+            }
+        }
+
+        fn past(&self, slots: [u32; 2]) -> Past {
+            let List { pairs, .. } = &self.candidates.list;
+            pairs[self.candidates.list.find(slots).expect("the pair is listed")].past
+        }
+    }
+
+    #[test]
+    fn the_past_survives_searches_and_renumbering() {
+        let mut particles = row(1.0, 4);
+        let mut pairs = Pairs::default();
+        assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
+        let impulses = Impulses { normal: 7.0, ..Impulses::default() };
+        pairs.memory.contacts.push(RememberedContact { slots: [2, 3], impulses });
+
+        particles.position.set(0, Vec3::X * -5.0);
+        assert_eq!(pairs.refresh(&particles), [[1, 2], [2, 3]]);
+        assert_eq!(pairs.impulse([2, 3]), Some(7.0));
+        assert_eq!(pairs.impulse([1, 2]), None);
+
+        // The row in the other direction, its first particle removed.
+        pairs.memory.renumber(&[None, Some(2), Some(1), Some(0)], 3);
+        particles = row(1.0, 3);
+        assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2]]);
+        assert_eq!(pairs.impulse([0, 1]), Some(7.0));
+        assert_eq!(pairs.impulse([1, 2]), None);
+
+        pairs.memory.forget_particle(0);
+        pairs.refresh(&particles);
+        assert_eq!(pairs.impulse([0, 1]), None);
+    }
+
+    #[test]
+    fn new_particles_on_springs_are_entangled_with_what_they_overlap() {
+        let particles = row(0.9, 4);
+        let mut pairs = Pairs::default();
+        pairs.refresh(&particles);
+        // Springs that are longer than the radii: they exclude no pair.
+        pairs.springs.push(0, 2, 1.8, 1.0, 0.0);
+        pairs.springs.push(1, 3, 1.8, 1.0, 0.0);
+        pairs.memory.request_search();
+        assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
+        assert_eq!(pairs.past([0, 1]), Past::Apart, "neither is new");
+        pairs.memory.forget_particle(0);
+        pairs.refresh(&particles);
+        assert_eq!(pairs.past([0, 1]), Past::Entangled);
+        assert_eq!(pairs.past([1, 2]), Past::Apart);
+        pairs.candidates.disable(&mut pairs.memory, 4);
+        pairs.refresh(&particles);
+        assert!([[0, 1], [1, 2], [2, 3]].iter().all(|pair| pairs.past(*pair) == Past::Entangled));
+    }
+
+    #[test]
+    fn pairs_come_from_the_bottom_up() {
+        let mut particles = Particles::default();
+        for height in [2.0, -1.0, 0.0, 1.0] {
+            particles.push(Vec3::Y * height, Vec3::ZERO, 1.0, 0.6);
+        }
+        let mut pairs = Pairs::default();
+        pairs.refresh(&particles);
+        let listed: Vec<_> =
+            pairs.candidates.list.pairs.iter().map(|pair| (pair.lower, pair.upper)).collect();
+        assert_eq!(listed, [(1, 2), (2, 3), (3, 0)]);
+    }
+
+    /// What is derived from the memory is what was found, to the order of the list, in several slabs too.
+    #[test]
+    fn the_list_follows_from_the_memory() {
+        let mut particles = Particles::default();
+        for slot in 0..40_000_u32 {
+            let [x, y, z] = [slot % 200, slot * 7919 % 13, slot / 200].map(|number| number as f32);
+            particles.push(Vec3::new(x, 0.3 * y, z), Vec3::new(y, 0.0, x), 1.0, 0.5);
+        }
+        let mut pairs = Pairs::default();
+        pairs.refresh(&particles);
+        let found = pairs.candidates.list.pairs.clone();
+        assert!(found.len() > 20_000 && pairs.candidates.regions.are_many());
+        // They have moved since, but by less than their skins.
+        for y in &mut particles.position.y {
+            *y *= 0.99;
+        }
+        let mut derived = Pairs { memory: pairs.memory.clone(), ..Pairs::default() };
+        derived.refresh(&particles);
+        assert_eq!(derived.memory.age, 1);
+        assert_eq!(derived.candidates.list.pairs, found);
+        assert_eq!(derived.candidates.regions.slot_of, pairs.candidates.regions.slot_of);
+    }
+
+    #[test]
+    fn points_and_two_pinned_particles_never_collide() {
+        let mut particles = row(0.5, 3);
+        particles.radius[0] = 0.0;
+        particles.inverse_mass[1] = 0.0;
+        particles.inverse_mass[2] = 0.0;
+        assert!(Pairs::default().refresh(&particles).is_empty());
+    }
+}

@@ -1,0 +1,336 @@
+//! Broad phase: which spheres may touch, by a uniform grid for each class of size.
+//!
+//! Spheres are sorted into cells by counting (count, prefix sum, fill) in flat arrays. Two things keep
+//! it linear in the number of spheres whatever their arrangement: cells are numbered by a hash of
+//! their coordinates, so that a sphere far away costs no empty cells; and spheres whose sizes differ
+//! by more than a factor of two are in grids of different cell sizes, so that a cell never holds very
+//! many small spheres because of one large one. (Hashed grids: Teschner et al., *Optimized spatial
+//! hashing for collision detection of deformable objects*, VMV 2003. Several grids: Eitz and Gu,
+//! *Hierarchical spatial hashing for real-time collision detection*, SMI 2007.)
+
+use std::ops::Range;
+
+use bevy::math::{IVec3, Vec3, Vec4};
+
+use crate::solver::parallel;
+use crate::solver::particles::Vectors;
+
+/// Spheres tested together.
+const LANES: usize = 4;
+
+/// Number of size classes: one for each exponent of an f32.
+const CLASSES: usize = 256;
+
+/// Number of their cells away up to which a sphere searches smaller ones.
+const MAX_RANGE: f32 = 8.0;
+
+/// A sphere, as it is tested against others.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sphere {
+    center: Vec3,
+    reach: f32,
+}
+
+/// The slot of a sphere, and its cell.
+#[derive(Debug, Clone, Copy, Default)]
+struct Label {
+    slot: u32,
+    class: u32,
+    cell: IVec3,
+}
+
+/// The spheres of one class search those of another: in the cells up to `range` from their own.
+#[derive(Debug, Clone, Copy)]
+struct Search {
+    from: u32,
+    to: u32,
+    range: i32,
+}
+
+/// Cells of one class in a row along x.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    class: u32,
+    /// The first of them.
+    cell: IVec3,
+    count: i32,
+}
+
+impl Row {
+    #[inline]
+    fn contains(&self, label: &Label) -> bool {
+        let Self { class, cell, count } = *self;
+        label.class == class
+            && label.cell.y == cell.y
+            && label.cell.z == cell.z
+            && (label.cell.x.wrapping_sub(cell.x) as u32) < count as u32
+    }
+}
+
+/// Number of spheres that are one part of the search.
+const SPHERES_PER_PART: usize = 1024;
+
+/// Number of parts from which on they are shared among threads: fewer cost less than to wake them.
+const MIN_SHARED_PARTS: usize = 4;
+
+/// The grid. Its arrays are kept between uses.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Grid {
+    /// The cell size of each class, m; 0 for a class without spheres.
+    cell_sizes: Vec<f32>,
+    /// The number of spheres of each class.
+    counts: Vec<u32>,
+    searches: Vec<Search>,
+    unsorted: Vec<(Sphere, Label)>,
+    /// The spheres in the order of their buckets: centers and reaches, padded for whole vectors at the end.
+    centers: Vectors,
+    reach: Vec<f32>,
+    labels: Vec<Label>,
+    /// `bucket_starts[b]..bucket_starts[b + 1]` are the spheres of bucket b.
+    bucket_starts: Vec<u32>,
+    mask: u32,
+    /// The pairs that each part of the search has found.
+    found: Vec<Vec<(u32, u32)>>,
+}
+
+/// The rows of cells (y, z) beside a cell's own that come after it in some order, so that each pair of
+/// cells is seen once.
+const LATER_ROWS: [(i32, i32); 4] = [(1, -1), (1, 0), (1, 1), (0, 1)];
+
+impl Grid {
+    /// Lists in `pairs` each pair of overlapping spheres once, in no particular but always the same order:
+    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0).
+    pub fn find_pairs(
+        &mut self,
+        spheres: impl Iterator<Item = (u32, Vec3, f32)>,
+        may_collide: impl Fn(u32, u32) -> bool + Sync,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        self.fill(spheres);
+        self.plan_searches();
+        let count = self.labels.len();
+        let mut found = std::mem::take(&mut self.found);
+        found.resize_with(count.div_ceil(SPHERES_PER_PART), Vec::new);
+        let parallel = found.len() >= MIN_SHARED_PARTS;
+        parallel::for_each(found.iter_mut().enumerate(), parallel, |(part, found)| {
+            found.clear();
+            for index in part * SPHERES_PER_PART..count.min((part + 1) * SPHERES_PER_PART) {
+                self.search(index, &mut |a, b| {
+                    if may_collide(a, b) {
+                        found.push((a, b));
+                    }
+                });
+            }
+        });
+        pairs.clear();
+        pairs.extend(found.iter().flatten());
+        self.found = found;
+    }
+
+    /// Finds the spheres that overlap the one at `index` and come after it in some order.
+    fn search(&self, index: usize, found: &mut impl FnMut(u32, u32)) {
+        let Label { class, cell, .. } = self.labels[index];
+        let own = bucket(class, cell, self.mask);
+        let own_end = self.bucket_starts[own + 1] as usize;
+        let row = Row { class, cell, count: 1 };
+        self.test(index, index + 1..own_end, row, found);
+        self.visit(index, Row { cell: cell.wrapping_add(IVec3::X), ..row }, found);
+        for (y, z) in LATER_ROWS {
+            let cell = cell.wrapping_add(IVec3::new(-1, y, z));
+            self.visit(index, Row { class, cell, count: 3 }, found);
+        }
+        for search in self.searches.iter().filter(|search| search.from == class) {
+            let Search { to, range, .. } = *search;
+            let corner = cell_of(self.centers.get(index), self.cell_sizes[to as usize]);
+            for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
+                let cell = corner.wrapping_add(IVec3::new(-range, y, z));
+                self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, found);
+            }
+        }
+    }
+
+    /// Sorts the spheres into their cells.
+    fn fill(&mut self, spheres: impl Iterator<Item = (u32, Vec3, f32)>) {
+        self.cell_sizes.clear();
+        self.cell_sizes.resize(CLASSES, 0.0);
+        self.counts.clear();
+        self.counts.resize(CLASSES, 0);
+        self.unsorted.clear();
+        for (slot, center, reach) in spheres {
+            // The exponent of the diameter: spheres of one class differ by less than a factor of two.
+            let class = (2.0 * reach).to_bits() >> 23;
+            let size = &mut self.cell_sizes[class as usize];
+            *size = size.max(2.0 * reach);
+            self.counts[class as usize] += 1;
+            self.unsorted.push((Sphere { center, reach }, Label { slot, class, cell: IVec3::ZERO }));
+        }
+        // More buckets than the longest row of cells, so that its cells come into different ones.
+        let buckets = (2 * self.unsorted.len()).next_power_of_two().max(MAX_RANGE as usize * 4);
+        self.mask = buckets as u32 - 1;
+        self.bucket_starts.clear();
+        self.bucket_starts.resize(buckets + 1, 0);
+        for (sphere, label) in &mut self.unsorted {
+            label.cell = cell_of(sphere.center, self.cell_sizes[label.class as usize]);
+            self.bucket_starts[bucket(label.class, label.cell, self.mask)] += 1;
+        }
+        let mut total = 0;
+        for start in &mut self.bucket_starts {
+            total += *start;
+            *start = total;
+        }
+        // Filled from behind, so that each count becomes the start of its bucket.
+        let count = self.unsorted.len();
+        self.centers.resize(count + LANES);
+        self.reach.resize(count + LANES, 0.0);
+        self.labels.resize(count, Label::default());
+        for (sphere, label) in self.unsorted.iter().rev() {
+            let start = &mut self.bucket_starts[bucket(label.class, label.cell, self.mask)];
+            *start -= 1;
+            self.centers.set(*start as usize, sphere.center);
+            self.reach[*start as usize] = sphere.reach;
+            self.labels[*start as usize] = *label;
+        }
+    }
+
+    /// Which classes search which: of two, the one that has fewer cells to visit searches.
+    fn plan_searches(&mut self) {
+        let Self { cell_sizes, counts, searches, .. } = self;
+        searches.clear();
+        let present = |class: &u32| counts[*class as usize] > 0;
+        for small in (0..CLASSES as u32).filter(present) {
+            for large in (small + 1..CLASSES as u32).filter(present) {
+                let ratio = cell_sizes[large as usize] / cell_sizes[small as usize];
+                // Number of small cells that half a cell of either class reaches.
+                let range = (0.5 * (ratio + 1.0)).ceil();
+                let rows = (2.0 * range + 1.0) * (2.0 * range + 1.0);
+                let from_large = counts[large as usize] as f32 * rows;
+                searches.push(if range <= MAX_RANGE && from_large < counts[small as usize] as f32 * 9.0 {
+                    Search { from: large, to: small, range: range as i32 }
+                } else {
+                    Search { from: small, to: large, range: 1 }
+                });
+            }
+        }
+    }
+
+    /// Tests the sphere at `index` against all spheres of a row of cells, which lie in buckets in a row too.
+    #[inline]
+    fn visit(&self, index: usize, row: Row, found: &mut impl FnMut(u32, u32)) {
+        let first = bucket(row.class, row.cell, self.mask);
+        let end = first + row.count as usize;
+        let buckets = self.bucket_starts.len() - 1;
+        let start = self.bucket_starts[first] as usize;
+        if end <= buckets {
+            self.test(index, start..self.bucket_starts[end] as usize, row, found);
+        } else {
+            self.test(index, start..self.labels.len(), row, found);
+            let wrapped = self.bucket_starts[end - buckets] as usize;
+            self.test(index, 0..wrapped, row, found);
+        }
+    }
+
+    /// Reports which of `others` overlap the sphere at `index` and lie in one of the cells of
+    /// `row`: a bucket may hold several.
+    #[inline]
+    fn test(&self, index: usize, others: Range<usize>, row: Row, found: &mut impl FnMut(u32, u32)) {
+        let Sphere { center, reach } = self.sphere(index);
+        let centers = [center.x, center.y, center.z].map(Vec4::splat);
+        for first in others.clone().step_by(LANES) {
+            // Four at a time and without a branch: one in ten is near, no processor could guess which.
+            let four = |array: &[f32]| Vec4::from_slice(&array[first..]);
+            let [x, y, z] = self.centers.axes();
+            let away = [four(x) - centers[0], four(y) - centers[1], four(z) - centers[2]];
+            let reach = four(&self.reach) + reach;
+            let distance_squared = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+            let mut near = distance_squared.cmple(reach * reach).bitmask();
+            near &= (1 << (others.end - first).min(LANES)) - 1;
+            while near != 0 {
+                let label = &self.labels[first + near.trailing_zeros() as usize];
+                near &= near - 1;
+                if row.contains(label) {
+                    found(self.labels[index].slot, label.slot);
+                }
+            }
+        }
+    }
+
+    fn sphere(&self, index: usize) -> Sphere {
+        Sphere { center: self.centers.get(index), reach: self.reach[index] }
+    }
+}
+
+/// The cell of a point. Points too far away for an i32 share the outermost cells.
+fn cell_of(point: Vec3, size: f32) -> IVec3 {
+    (point / size).floor().as_ivec3()
+}
+
+/// The bucket of a cell: a multiplicative hash of its row (Teschner et al. 2003), and from there along
+/// x, so that the cells of a row lie side by side.
+#[inline]
+fn bucket(class: u32, cell: IVec3, mask: u32) -> usize {
+    let row = (cell.y as u32).wrapping_mul(19_349_663)
+        ^ (cell.z as u32).wrapping_mul(83_492_791)
+        ^ class.wrapping_mul(2_654_435_761);
+    ((row ^ (row >> 15)).wrapping_add(cell.x as u32) & mask) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pseudo-random numbers in 0..1, always the same (a linear congruential generator).
+    fn random(seed: &mut u32) -> f32 {
+        *seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (*seed >> 8) as f32 / (1 << 24) as f32
+    }
+
+    fn pairs_of(spheres: &[(Vec3, f32)]) -> Vec<(u32, u32)> {
+        let mut pairs = Vec::new();
+        let numbered =
+            spheres.iter().enumerate().map(|(slot, (center, reach))| (slot as u32, *center, *reach));
+        Grid::default().find_pairs(numbered, |_, _| true, &mut pairs);
+        for (a, b) in &mut pairs {
+            (*a, *b) = (*a.min(b), *a.max(b));
+        }
+        pairs.sort_unstable();
+        pairs
+    }
+
+    fn all_pairs(spheres: &[(Vec3, f32)]) -> Vec<(u32, u32)> {
+        let mut pairs = Vec::new();
+        for (a, (center, reach)) in spheres.iter().enumerate() {
+            for (b, (other, other_reach)) in spheres.iter().enumerate().skip(a + 1) {
+                if center.distance_squared(*other) <= (reach + other_reach) * (reach + other_reach) {
+                    pairs.push((a as u32, b as u32));
+                }
+            }
+        }
+        pairs
+    }
+
+    #[test]
+    fn finds_the_same_pairs_as_testing_all() {
+        let mut seed = 7;
+        for spread in [0.5, 3.0, 40.0] {
+            for smallest in [1.0_f32, 0.3, 0.01] {
+                let spheres: Vec<_> = (0..400)
+                    .map(|_| {
+                        let center =
+                            Vec3::from_array(std::array::from_fn(|_| random(&mut seed) - 0.5)) * spread;
+                        (center, 0.2 * smallest.max(random(&mut seed).powi(4)))
+                    })
+                    .collect();
+                assert_eq!(pairs_of(&spheres), all_pairs(&spheres), "spread {spread}, smallest {smallest}");
+            }
+        }
+    }
+
+    #[test]
+    fn coincident_and_faraway_spheres() {
+        let far = Vec3::splat(1e20);
+        let spheres = [(Vec3::ZERO, 0.1), (Vec3::ZERO, 0.1), (far, 0.1), (far, 0.1), (-far, 0.1)];
+        assert_eq!(pairs_of(&spheres), [(0, 1), (2, 3)]);
+        assert_eq!(pairs_of(&[]), []);
+        assert_eq!(pairs_of(&[(Vec3::NAN, 0.1), (Vec3::ZERO, 0.1)]), []);
+    }
+}

@@ -1,0 +1,300 @@
+//! Collisions: of particles with planes and with each other, after each substep.
+//!
+//! Every contact is answered in three steps: the particles are *projected* out of each other (the
+//! correction shared by mass), the approaching part of their velocity is removed, and given back with
+//! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
+//! mass.
+//!
+//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows;
+//! `response.rs` the formulas; `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
+//! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`
+//! and `plane.rs` the two kinds of contact.
+
+mod bodies;
+mod broad_phase;
+mod candidates;
+mod grid;
+mod list;
+mod memory;
+mod narrow;
+mod pairs;
+mod plane;
+mod regions;
+mod response;
+
+use bevy::math::{Vec3, Vec3A};
+
+use super::elements::Elements;
+use super::particles::{Particles, Vectors};
+use super::settings::{Integrator, StepSettings};
+use bodies::Body;
+use candidates::Candidates;
+pub use memory::ContactMemory;
+use pairs::PairContacts;
+pub use plane::{Plane, Pose};
+use plane::{PlaneContact, Surface};
+use response::Rebound;
+
+/// Number of iterations, at most, over the velocities of all contacts in each substep.
+const VELOCITY_ITERATIONS: usize = 3;
+
+/// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a
+/// substep: a settled pile is then checked once a substep and needs no iteration.
+const SETTLED_ERROR: f32 = 0.02;
+
+/// Number of iterations over their positions.
+const POSITION_ITERATIONS: usize = 2;
+
+/// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
+const JAMMING_CONTACTS: u32 = 3;
+
+/// How particles collide with each other.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PairRules {
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f32,
+    /// Coefficient of Coulomb friction, >= 0.
+    pub friction: f32,
+}
+
+/// A contact in one substep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactRecord {
+    /// Slot of the particle that is pushed along the normal.
+    pub slot: usize,
+    /// What it touches.
+    pub other: ContactPartner,
+    /// Where, m.
+    pub point: Vec3,
+    /// Unit vector towards the particle.
+    pub normal: Vec3,
+    /// Normal impulse, N·s.
+    pub impulse: f32,
+}
+
+/// What a particle touches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ContactPartner {
+    /// The plane of this index among those of the state.
+    Plane(usize),
+    /// The particle in this slot.
+    Particle(usize),
+}
+
+/// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one
+/// gives the same results.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ContactCaches {
+    candidates: Candidates,
+    pair_contacts: PairContacts,
+    plane_contacts: Vec<PlaneContact>,
+    surfaces: Vec<Surface>,
+    bodies: Vec<Body>,
+    /// Positions at the start of the substep, m.
+    previous: Vectors,
+}
+
+/// What a substep of the contacts reads.
+#[derive(Clone, Copy)]
+pub(super) struct Substep<'a> {
+    pub elements: &'a Elements,
+    pub planes: &'a [Plane],
+    /// Of the last evaluation of the forces, m/s².
+    pub acceleration: &'a Vectors,
+    pub settings: &'a StepSettings,
+    /// The scheme of the particles that are not stiff.
+    pub integrator: Integrator,
+    /// s.
+    pub duration: f32,
+    /// The fraction of the tick that has passed at its end.
+    pub elapsed: f32,
+}
+
+impl Substep<'_> {
+    /// The unit vector against gravity; zero where there is none.
+    fn up(&self) -> Vec3 {
+        -self.settings.gravity.normalize_or_zero()
+    }
+}
+
+impl ContactCaches {
+    /// Touching pairs at the end of the last substep: of particles and of particles with planes.
+    pub fn count(&self) -> usize {
+        self.pair_count() + self.plane_contacts.len()
+    }
+
+    fn pair_count(&self) -> usize {
+        self.candidates.groups.contacts()
+    }
+
+    /// Keeps the positions from which friction measures how far particles slipped.
+    pub fn begin_substep(&mut self, positions: &Vectors, planes: &[Plane], settings: &StepSettings) {
+        let any_planes = settings.collide_with_planes && !planes.is_empty();
+        if any_planes || settings.pair_rules.is_some() {
+            self.previous.copy_from(positions);
+        }
+    }
+
+    /// Resolves all contacts at the end of a substep, and appends them to `records`.
+    pub fn resolve(
+        &mut self,
+        memory: &mut ContactMemory,
+        particles: &mut Particles,
+        substep: Substep,
+        records: Option<&mut Vec<ContactRecord>>,
+    ) {
+        self.find(memory, particles, substep);
+        if self.count() == 0 {
+            return;
+        }
+        let Substep { settings, integrator, duration, .. } = substep;
+        let rules = settings.pair_rules.unwrap_or_default();
+        let gravity = settings.gravity.length();
+        self.solve_velocities(rules, gravity * duration, integrator.displacement_share() * duration);
+        self.hold_jammed(gravity * duration);
+        self.solve_positions(rules, duration);
+        bodies::write_back(&self.bodies, particles, &self.candidates.regions);
+        if let Some(records) = records {
+            self.record(particles, records);
+        }
+    }
+
+    /// Writes what the next ticks depend on into the memory.
+    pub fn end_tick(&mut self, memory: &mut ContactMemory) {
+        self.candidates.store(memory, &self.pair_contacts);
+    }
+
+    fn find(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
+        let Substep { planes, acceleration, settings, integrator, duration, elapsed, .. } = substep;
+        let rules = settings.pair_rules.unwrap_or_default();
+        let rebound = Rebound {
+            restitution: rules.restitution,
+            substep: duration,
+            resting_speed: settings.gravity.length() * duration,
+            slop: settings.gravity.length() * duration * duration,
+            velocity_lag: integrator.velocity_lag(),
+        };
+        let Self { candidates, pair_contacts, previous, .. } = self;
+        if settings.pair_rules.is_some() {
+            candidates.refresh(memory, pair_contacts, particles, previous, substep);
+        } else {
+            candidates.disable(memory, particles.len());
+        }
+        self.plane_contacts.clear();
+        self.surfaces.clear();
+        if settings.collide_with_planes {
+            let body_of = &self.candidates.regions.body_of;
+            for (index, plane) in planes.iter().enumerate() {
+                let surface = plane.surface(elapsed, settings.time_step);
+                let found = &mut self.plane_contacts;
+                plane::find(index, &surface, particles, acceleration, rebound, body_of, found);
+                self.surfaces.push(surface);
+            }
+        }
+        let any_pairs = !self.candidates.list.pairs.is_empty();
+        if any_pairs || !self.plane_contacts.is_empty() {
+            let Candidates { regions, exclusions, .. } = &self.candidates;
+            bodies::fill(&mut self.bodies, particles, &self.previous, regions, exclusions);
+        }
+        if any_pairs {
+            let up = Vec3A::from(substep.up());
+            for contact in &self.plane_contacts {
+                let body = &mut self.bodies[contact.body];
+                body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                body.holds += 1;
+            }
+            let Self { candidates, bodies, pair_contacts, .. } = self;
+            narrow::find(candidates, bodies, acceleration, rebound, up, pair_contacts);
+        }
+    }
+
+    fn solve_velocities(&mut self, rules: PairRules, resting_speed: f32, reach: f32) {
+        let pairs = self.pair_count() > 0;
+        if pairs {
+            let tolerance = SETTLED_ERROR * resting_speed;
+            let Self { pair_contacts, candidates, bodies, .. } = self;
+            pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
+            for _ in 0..VELOCITY_ITERATIONS {
+                // The planes come first: else a ball that its load presses into a plane seems to part from the
+                // load.
+                self.solve_plane_velocities();
+                let Self { pair_contacts, candidates, bodies, .. } = self;
+                let groups = &mut candidates.groups;
+                if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, tolerance) {
+                    break;
+                }
+            }
+        }
+        self.solve_plane_velocities();
+        if pairs {
+            let Self { pair_contacts, candidates, bodies, .. } = self;
+            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, reach);
+        }
+    }
+
+    fn solve_plane_velocities(&mut self) {
+        for contact in &mut self.plane_contacts {
+            plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
+        }
+    }
+
+    /// Leaves a particle where it was that others hold from at least three sides, on the ground, and that
+    /// is slower than what gravity gives in a substep: it is jammed. Without it the corrections of its
+    /// overlaps would keep a pile moving at that speed for ever.
+    fn hold_jammed(&mut self, resting_speed: f32) {
+        if self.pair_count() == 0 {
+            return;
+        }
+        bodies::for_each(&mut self.bodies, &self.candidates.regions, |body| {
+            let held = body.holds >= JAMMING_CONTACTS && body.supported && body.inverse_mass > 0.0;
+            if held && body.velocity.length_squared() < resting_speed * resting_speed {
+                body.velocity = Vec3A::ZERO;
+                body.position = body.previous;
+            }
+        });
+    }
+
+    fn solve_positions(&mut self, rules: PairRules, substep: f32) {
+        let Self { pair_contacts, plane_contacts, candidates, surfaces, bodies, .. } = self;
+        for _ in 0..POSITION_ITERATIONS {
+            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies);
+            for contact in &*plane_contacts {
+                plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
+            }
+        }
+    }
+
+    fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {
+        for contact in &self.plane_contacts {
+            let normal = Vec3::from(self.surfaces[contact.plane].normal);
+            records.push(ContactRecord {
+                slot: contact.slot,
+                other: ContactPartner::Plane(contact.plane),
+                point: particles.position.get(contact.slot) - normal * particles.radius()[contact.slot],
+                normal,
+                impulse: contact.impulse,
+            });
+        }
+        let slot_of = &self.candidates.regions.slot_of;
+        for group in self.candidates.groups.iter() {
+            let slot = |place: usize| slot_of[group.bodies.start + place] as usize;
+            for contact in self.pair_contacts.of(group) {
+                let (first, second) = (slot(contact.first()), slot(contact.second()));
+                // By slot, since the upper and the lower one may change places within a tick.
+                let (slot, other, normal) = if first < second {
+                    (first, second, contact.normal)
+                } else {
+                    (second, first, -contact.normal)
+                };
+                let normal = Vec3::from(normal);
+                records.push(ContactRecord {
+                    slot,
+                    other: ContactPartner::Particle(other),
+                    point: particles.position.get(slot) - normal * particles.radius()[slot],
+                    normal,
+                    impulse: contact.impulses.normal,
+                });
+            }
+        }
+    }
+}

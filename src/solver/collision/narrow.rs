@@ -1,0 +1,157 @@
+//! Narrow phase: which of the pairs that may touch do, and how.
+
+use bevy::math::Vec3A;
+
+use crate::solver::particles::Vectors;
+
+use super::bodies::Body;
+use super::candidates::Candidates;
+use super::list::{Candidate, List, Past};
+use super::pairs::{Impulses, PairContact, PairContacts};
+use super::response::{Approach, Rebound};
+
+/// Number of pairs of which the near ones are sorted out before they are examined.
+const PAIRS_PER_CHUNK: usize = 256;
+
+/// The cosine of the angle between normal and vertical from which on a contact supports the upper particle.
+const MIN_SUPPORT_COSINE: f32 = 0.2;
+
+/// What the examination of all pairs reads.
+struct Search<'a> {
+    slot_of: &'a [u32],
+    acceleration: &'a Vectors,
+    rebound: Rebound,
+    up: Vec3A,
+    last: &'a [PairContact],
+}
+
+/// Finds the touching pairs among the candidates, in each group from the bottom up, with the impulses that
+/// they had in the substep before; and which bodies rest on which.
+pub(super) fn find(
+    candidates: &mut Candidates,
+    bodies: &mut [Body],
+    acceleration: &Vectors,
+    rebound: Rebound,
+    up: Vec3A,
+    contacts: &mut PairContacts,
+) {
+    let Candidates { list: List { pairs, .. }, groups, regions, .. } = candidates;
+    contacts.swap_buffers(pairs.len());
+    let PairContacts { current, last } = contacts;
+    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, last };
+    groups.for_each((&mut pairs[..], &mut current[..]), bodies, |group, (pairs, contacts), bodies| {
+        (group.contacts, group.entangled) = (0, false);
+        for pairs in pairs.chunks_mut(PAIRS_PER_CHUNK) {
+            group.entangled |= search.find_contacts(pairs, group.bodies.start, bodies, |contact| {
+                contacts[group.contacts] = contact;
+                group.contacts += 1;
+                Past::Contact((group.pairs.start + group.contacts - 1) as u32)
+            });
+        }
+    });
+}
+
+impl Search<'_> {
+    /// Finds the contacts among a few pairs of bodies that begin with the number `start`; whether any are
+    /// entangled. `keep` takes each contact, and returns what to remember of it.
+    fn find_contacts(
+        &self,
+        pairs: &mut [Candidate],
+        start: usize,
+        bodies: &mut [Body],
+        mut keep: impl FnMut(PairContact) -> Past,
+    ) -> bool {
+        // Without a branch: about half of the pairs are near, no processor could guess which.
+        let (mut near, mut count) = ([(0, Past::Apart); PAIRS_PER_CHUNK], 0);
+        for (place, pair) in pairs.iter_mut().enumerate() {
+            let [first, second] = places(pair, start);
+            let (upper, lower) = (&bodies[first], &bodies[second]);
+            let reach = upper.radius + lower.radius + self.rebound.slop;
+            let is_near = (upper.position - lower.position).length_squared() <= reach * reach;
+            near[count] = (place as u32, std::mem::replace(&mut pair.past, Past::Apart));
+            count += usize::from(is_near);
+        }
+        let mut entangled = false;
+        for (place, past) in &near[..count] {
+            let pair = &mut pairs[*place as usize];
+            let ends = places(pair, start);
+            let impulses = match *past {
+                Past::Entangled if overlap(ends.map(|end| &bodies[end])) => {
+                    pair.past = Past::Entangled;
+                    entangled = true;
+                    continue;
+                }
+                Past::Contact(place) => self.last[place as usize].impulses,
+                _ => Impulses::default(),
+            };
+            if let Some(contact) = self.contact(ends, start, impulses, bodies) {
+                pair.past = keep(contact);
+            }
+        }
+        entangled
+    }
+
+    /// The contact of two bodies, if they touch.
+    #[inline(always)]
+    fn contact(
+        &self,
+        [first, second]: [usize; 2],
+        start: usize,
+        impulses: Impulses,
+        bodies: &mut [Body],
+    ) -> Option<PairContact> {
+        let Self { slot_of, acceleration, rebound, up, .. } = self;
+        let (upper, lower) = (&bodies[first], &bodies[second]);
+        let reach = upper.radius + lower.radius;
+        let separation = upper.position - lower.position;
+        let distance = separation.length();
+        let normal = direction(separation, distance);
+        let velocity = (upper.velocity - lower.velocity).dot(normal);
+        let mut target_velocity = 0.0;
+        if velocity < 0.0 {
+            let [first, second] =
+                [first, second].map(|place| acceleration.get(slot_of[place + start] as usize));
+            let acceleration = Vec3A::from(first - second).dot(normal);
+            let depth = (reach - distance).max(0.0);
+            target_velocity = rebound.velocity_after(Approach { velocity, acceleration, depth });
+        }
+        let resting = target_velocity == 0.0 && velocity.abs() < 2.0 * rebound.resting_speed;
+        if distance > reach && !resting {
+            return None;
+        }
+        let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
+        let sprung = upper.sprung || lower.sprung;
+        let supports = lower.supported && normal.dot(*up) > MIN_SUPPORT_COSINE;
+        bodies[first].supported |= supports;
+        bodies[first].holds += u32::from(resting);
+        bodies[second].holds += u32::from(resting);
+        Some(PairContact {
+            first: first as u32,
+            second: second as u32,
+            normal,
+            target_velocity,
+            reduced_mass,
+            impulses,
+            resting,
+            supports,
+            sprung,
+        })
+    }
+}
+
+/// The upper and the lower one of a pair among the bodies that begin with the number `start`.
+#[inline(always)]
+fn places(pair: &Candidate, start: usize) -> [usize; 2] {
+    [pair.upper, pair.lower].map(|body| body as usize - start)
+}
+
+/// Whether two bodies overlap or touch.
+fn overlap([one, other]: [&Body; 2]) -> bool {
+    let reach = one.radius + other.radius;
+    (one.position - other.position).length_squared() <= reach * reach
+}
+
+/// The unit vector along `separation`; +Y for two particles in the same place.
+fn direction(separation: Vec3A, distance: f32) -> Vec3A {
+    if distance == 0.0 { Vec3A::Y } else { separation / distance }
+}

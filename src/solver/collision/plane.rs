@@ -1,0 +1,169 @@
+//! Planes: solid half-spaces that may move.
+
+use bevy::math::{Quat, Vec3, Vec3A};
+
+use crate::solver::particles::{Particles, Vectors};
+
+use super::bodies::Body;
+use super::response::{Approach, Rebound, friction, tangential};
+
+/// A position and an orientation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// A point of the surface, m.
+    pub point: Vec3,
+    /// Rotates +Y into the outward normal.
+    pub rotation: Quat,
+}
+
+/// The half-space below the local +Y of a pose that moves from `start` to `target` during the tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// Pose at the start of the tick.
+    pub start: Pose,
+    /// Pose at the end of the tick.
+    pub target: Pose,
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f32,
+    /// Coefficient of Coulomb friction, >= 0.
+    pub friction: f32,
+}
+
+/// A plane at one moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surface {
+    point: Vec3A,
+    pub normal: Vec3A,
+    velocity: Vec3A,
+    angular_velocity: Vec3A,
+    restitution: f32,
+    pub friction: f32,
+}
+
+impl Plane {
+    /// A plane at rest through `point` with unit normal `normal`.
+    pub fn resting(point: Vec3, normal: Vec3, restitution: f32, friction: f32) -> Self {
+        let pose = Pose { point, rotation: Quat::from_rotation_arc(Vec3::Y, normal) };
+        Self { start: pose, target: pose, restitution, friction }
+    }
+
+    /// The plane after the fraction `elapsed` of a tick of `time_step` seconds.
+    pub(super) fn surface(&self, elapsed: f32, time_step: f32) -> Surface {
+        let Self { start, target, restitution, friction } = *self;
+        let moving = start != target;
+        let change = if moving { target.rotation * start.rotation.inverse() } else { Quat::IDENTITY };
+        let rotation = if moving { start.rotation.slerp(target.rotation, elapsed) } else { target.rotation };
+        let point = if moving { start.point.lerp(target.point, elapsed) } else { target.point };
+        Surface {
+            point: point.into(),
+            normal: (rotation * Vec3::Y).into(),
+            velocity: ((target.point - start.point) / time_step).into(),
+            angular_velocity: (change.to_scaled_axis() / time_step).into(),
+            restitution,
+            friction,
+        }
+    }
+}
+
+impl Surface {
+    /// How deep the sphere overlaps the half-space, m; negative when it does not touch.
+    pub fn depth(&self, position: Vec3A, radius: f32) -> f32 {
+        radius - (position - self.point).dot(self.normal)
+    }
+
+    /// Whether a sphere touches, or is found so little above the surface as one that was projected onto
+    /// it may be: by the roundings of its coordinates.
+    #[inline]
+    fn touches(&self, [x, y, z]: [f32; 3], radius: f32) -> bool {
+        let (point, normal) = (self.point, self.normal);
+        let depth = radius - ((x - point.x) * normal.x + (y - point.y) * normal.y + (z - point.z) * normal.z);
+        let size = x.abs() + y.abs() + z.abs() + radius + point.x.abs() + point.y.abs() + point.z.abs();
+        depth >= -4.0 * f32::EPSILON * size
+    }
+
+    fn velocity_at(&self, position: Vec3A) -> Vec3A {
+        self.velocity + self.angular_velocity.cross(position - self.point)
+    }
+}
+
+/// A particle that touches a plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlaneContact {
+    pub slot: usize,
+    /// The particle among the bodies.
+    pub body: usize,
+    pub plane: usize,
+    surface_velocity: Vec3A,
+    target_velocity: f32,
+    /// Normal impulse given so far in this substep, N·s.
+    pub impulse: f32,
+}
+
+/// Number of particles that are tested together: most of them touch nothing, and the test runs in vectors.
+const PARTICLES_PER_CHUNK: usize = 64;
+
+/// Finds the free particles that touch `surface`.
+pub(super) fn find(
+    plane: usize,
+    surface: &Surface,
+    particles: &Particles,
+    acceleration: &Vectors,
+    rebound: Rebound,
+    body_of: &[u32],
+    found: &mut Vec<PlaneContact>,
+) {
+    let rebound = Rebound { restitution: surface.restitution, ..rebound };
+    let [x, y, z] = particles.position.axes();
+    let [x, y, z, radius] = [x, y, z, &particles.radius()[..]].map(|array| array.chunks(PARTICLES_PER_CHUNK));
+    for (chunk, (((x, y), z), radius)) in x.zip(y).zip(z).zip(radius).enumerate() {
+        let mut touching = [false; PARTICLES_PER_CHUNK];
+        let spheres = x.iter().zip(y).zip(z).zip(radius);
+        for (touching, (((x, y), z), radius)) in touching.iter_mut().zip(spheres) {
+            *touching = surface.touches([*x, *y, *z], *radius);
+        }
+        for (offset, _) in touching.iter().enumerate().filter(|(_, touching)| **touching) {
+            let slot = chunk * PARTICLES_PER_CHUNK + offset;
+            if particles.inverse_mass()[slot] == 0.0 {
+                continue;
+            }
+            let position = Vec3A::from(particles.position.get(slot));
+            let surface_velocity = surface.velocity_at(position);
+            let approach = Approach {
+                velocity: (Vec3A::from(particles.velocity.get(slot)) - surface_velocity).dot(surface.normal),
+                acceleration: Vec3A::from(acceleration.get(slot)).dot(surface.normal),
+                depth: surface.depth(position, particles.radius()[slot]).max(0.0),
+            };
+            let target_velocity = rebound.least_velocity_after(approach);
+            let body = body_of[slot] as usize;
+            found.push(PlaneContact { slot, body, plane, surface_velocity, target_velocity, impulse: 0.0 });
+        }
+    }
+}
+
+/// Gives the particle its velocity after the contact, unless it moves away already, and friction.
+pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodies: &mut [Body]) {
+    let body = &mut bodies[contact.body];
+    let relative = body.velocity - contact.surface_velocity;
+    let change = contact.target_velocity - relative.dot(surface.normal);
+    if change <= 0.0 {
+        return;
+    }
+    let friction = friction(tangential(relative, surface.normal), surface.friction * change);
+    body.velocity += surface.normal * change + friction;
+    contact.impulse += change / body.inverse_mass;
+}
+
+/// Puts the particle back onto the surface; static friction, back to where it stuck.
+pub(super) fn solve_position(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], substep: f32) {
+    let body = &mut bodies[contact.body];
+    let depth = surface.depth(body.position, body.radius);
+    if depth <= 0.0 {
+        return;
+    }
+    let mut correction = surface.normal * depth;
+    if surface.friction > 0.0 {
+        let slip = body.moved() - contact.surface_velocity * substep;
+        correction += friction(tangential(slip, surface.normal), surface.friction * depth);
+    }
+    body.position += correction;
+}

@@ -1,0 +1,139 @@
+//! What an impact does to the relative motion of two bodies along the normal, and friction.
+//!
+//! The normal n points from the second body to the first; speeds along it are negative while the
+//! bodies approach. A plane is a second body of infinite mass.
+
+use bevy::math::Vec3A;
+
+/// The relative motion along the normal when a contact is found, at the end of a substep.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Approach {
+    /// Relative velocity along the normal, m/s.
+    pub velocity: f32,
+    /// Relative acceleration along the normal, m/s².
+    pub acceleration: f32,
+    /// How deep the bodies overlap, m, >= 0.
+    pub depth: f32,
+}
+
+/// How impacts rebound in one substep.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rebound {
+    /// Coefficient of restitution ε, 0 to 1.
+    pub restitution: f32,
+    /// The substep h, s.
+    pub substep: f32,
+    /// Below this speed nothing rebounds, m/s: what gravity gives in a substep.
+    pub resting_speed: f32,
+    /// Pairs that rest stay in contact over a gap up to this one, m: else the rounding of a pile would
+    /// take away its support every other substep. The way of free fall in a substep; 0 without gravity.
+    pub slop: f32,
+    /// [`Scheme::velocity_lag`](crate::solver::Scheme::velocity_lag).
+    pub velocity_lag: f32,
+}
+
+impl Rebound {
+    /// The velocity along the normal that a contact must have at least when it is solved.
+    pub fn least_velocity_after(&self, approach: Approach) -> f32 {
+        if approach.velocity < 0.0 { self.velocity_after(approach) } else { 0.0 }
+    }
+
+    /// The velocity along the normal after the contact.
+    ///
+    /// The rule is v̂ = v − (1 + ε)(v·n) n, that is v·n becomes −ε (v·n), for bodies that approach;
+    /// others keep their velocity. In a field of force two things are added to it, both of the order
+    /// of a h and gone without acceleration:
+    /// - The contact is found when the bodies overlap by `depth` already, so the speed to rebound with
+    ///   is that at the surface, u² = v² + 2 a depth. Putting the body back onto the surface with the
+    ///   speed it had below would create energy.
+    /// - What would rebound for less than a substep rests instead.
+    pub fn velocity_after(&self, approach: Approach) -> f32 {
+        let Approach { velocity, acceleration, depth } = approach;
+        if velocity >= 0.0 {
+            return velocity;
+        }
+        let lag = self.velocity_lag * self.substep * acceleration;
+        let speed_squared = (velocity + lag) * (velocity + lag);
+        let surface_speed = (speed_squared + 2.0 * acceleration.min(0.0) * depth).max(0.0).sqrt();
+        let rebound_speed = self.restitution * surface_speed;
+        if rebound_speed <= self.resting_speed.max(-acceleration * self.substep) {
+            return 0.0;
+        }
+        (rebound_speed - lag).max(0.0)
+    }
+}
+
+/// The change of a tangential velocity by Coulomb friction: against it, at most `limit`.
+///
+/// Also used for the tangential displacement of a substep, which static friction undoes.
+#[inline]
+pub(super) fn friction(tangential: Vec3A, limit: f32) -> Vec3A {
+    -shortened(tangential, limit)
+}
+
+/// `vector` shortened to the length `limit`, if it is longer. Without a branch: in a pile, what sticks and what
+/// slips lie side by side.
+#[inline]
+pub(super) fn shortened(vector: Vec3A, limit: f32) -> Vec3A {
+    // Of NaN (0 / 0) and 1 the smaller is 1.
+    vector * (limit / vector.length()).min(1.0)
+}
+
+/// The part of `vector` perpendicular to the unit vector `normal`.
+#[inline]
+pub(super) fn tangential(vector: Vec3A, normal: Vec3A) -> Vec3A {
+    vector - normal * vector.dot(normal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rebound(restitution: f32) -> Rebound {
+        Rebound { restitution, substep: 0.01, resting_speed: 0.0, slop: 0.0, velocity_lag: 0.0 }
+    }
+
+    fn free(velocity: f32) -> Approach {
+        Approach { velocity, acceleration: 0.0, depth: 0.003 }
+    }
+
+    #[test]
+    fn without_acceleration_the_rule_is_exact() {
+        assert_eq!(rebound(0.5).velocity_after(free(-4.0)), 2.0);
+        assert_eq!(rebound(1.0).velocity_after(free(-4.0)), 4.0);
+        assert_eq!(rebound(0.0).velocity_after(free(-4.0)), 0.0);
+    }
+
+    #[test]
+    fn a_leaving_body_keeps_its_velocity() {
+        assert_eq!(rebound(1.0).velocity_after(free(3.0)), 3.0);
+        assert_eq!(rebound(1.0).velocity_after(free(0.0)), 0.0);
+    }
+
+    #[test]
+    fn the_rebound_starts_with_the_speed_at_the_surface() {
+        // Fallen from rest by 1 m + depth with a = −10: u² = v² − 2 · 10 · depth = 20 at the surface.
+        let depth = 0.05_f32;
+        let approach = Approach { velocity: -(20.0 * (1.0 + depth)).sqrt(), acceleration: -10.0, depth };
+        let velocity = rebound(0.5).velocity_after(approach);
+        assert!((velocity - 0.5 * 20.0_f32.sqrt()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_body_pressed_onto_the_surface_rests() {
+        for velocity_lag in [-0.5, 0.0, 0.5] {
+            let rule =
+                Rebound { restitution: 1.0, substep: 0.01, resting_speed: 0.0, slop: 0.0, velocity_lag };
+            let approach = Approach { velocity: -0.1, acceleration: -10.0, depth: 0.001 };
+            assert_eq!(rule.velocity_after(approach), 0.0);
+        }
+    }
+
+    #[test]
+    fn friction_stops_or_opposes() {
+        assert_eq!(friction(Vec3A::X * 0.3, 0.4), Vec3A::X * -0.3);
+        assert_eq!(friction(Vec3A::X * 4.0, 0.5), Vec3A::X * -0.5);
+        assert_eq!(friction(Vec3A::ZERO, 0.0), Vec3A::ZERO);
+        assert_eq!(tangential(Vec3A::new(1.0, 2.0, 3.0), Vec3A::Y), Vec3A::new(1.0, 0.0, 3.0));
+    }
+}

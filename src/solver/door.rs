@@ -1,0 +1,259 @@
+//! The solver by itself: what it holds, checked at the door.
+
+use bevy::math::Vec3;
+
+use super::collision::Plane;
+use super::elements::Spring;
+use super::energy::{Measurements, measure};
+use super::outputs::Outputs;
+use super::settings::StepSettings;
+use super::stability::{FrequencyBounds, Plan};
+use super::state::State;
+use super::step::{Caches, Inputs, PinnedMotion, step};
+
+/// Particles joined by springs, without Bevy's ECS.
+///
+/// Particles and springs are known by their numbers, in the order in which they were added.
+#[derive(Debug, Clone, Default)]
+pub struct Solver {
+    state: State,
+    inputs: Inputs,
+    caches: Caches,
+    outputs: Outputs,
+}
+
+/// What a [`Solver`] refuses.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SolverError {
+    /// A number is outside its range.
+    #[error("{field} is {value}, expected {expected}")]
+    OutOfRange {
+        /// The name of the parameter.
+        field: &'static str,
+        /// What was given.
+        value: f32,
+        /// What would have been accepted.
+        expected: &'static str,
+    },
+    /// A spring to a particle that does not exist.
+    #[error("an end of the spring is particle {particle}, expected less than {count}")]
+    MissingParticle {
+        /// The number that was given.
+        particle: usize,
+        /// The number of particles.
+        count: usize,
+    },
+    /// A spring from a particle to itself.
+    #[error("both ends of the spring are particle {particle}")]
+    Loop {
+        /// The particle.
+        particle: usize,
+    },
+}
+
+fn non_negative(field: &'static str, value: f32) -> Result<(), SolverError> {
+    match value.is_finite() && value >= 0.0 {
+        true => Ok(()),
+        false => Err(SolverError::OutOfRange { field, value, expected: "a finite number >= 0" }),
+    }
+}
+
+impl Solver {
+    /// Adds a particle: position in m, velocity in m/s, mass in kg (`f32::INFINITY`: pinned), radius in m. Returns
+    /// its number.
+    ///
+    /// # Errors
+    /// If the mass is not > 0, or the radius not finite and >= 0.
+    pub fn add_particle(
+        &mut self,
+        position: Vec3,
+        velocity: Vec3,
+        mass: f32,
+        radius: f32,
+    ) -> Result<usize, SolverError> {
+        non_negative("radius", radius)?;
+        self.state.add_particle(position, velocity, inverse(mass)?, radius);
+        Ok(self.particle_count() - 1)
+    }
+
+    /// Adds a spring between two different particles. Returns its number.
+    ///
+    /// # Errors
+    /// If an end does not exist, both are the same, or a parameter is not finite and >= 0.
+    pub fn add_spring(&mut self, ends: [usize; 2], spring: Spring) -> Result<usize, SolverError> {
+        check(spring)?;
+        let count = self.particle_count();
+        if let Some(&particle) = ends.iter().find(|end| **end >= count) {
+            return Err(SolverError::MissingParticle { particle, count });
+        }
+        if ends[0] == ends[1] {
+            return Err(SolverError::Loop { particle: ends[0] });
+        }
+        Ok(self.state.add_spring(ends, spring))
+    }
+
+    /// Changes the parameters of a spring.
+    ///
+    /// # Errors
+    /// If a parameter is not finite and >= 0.
+    ///
+    /// # Panics
+    /// If there is no such spring.
+    pub fn set_spring(&mut self, number: usize, spring: Spring) -> Result<(), SolverError> {
+        check(spring)?;
+        self.state.set_spring(number, spring);
+        Ok(())
+    }
+
+    /// Removes a spring; the others keep their numbers.
+    ///
+    /// # Panics
+    /// If there is no such spring.
+    pub fn remove_spring(&mut self, number: usize) {
+        self.state.remove_spring(number);
+    }
+
+    /// Changes the mass in kg (`f32::INFINITY`: pinned) and the radius in m of a particle.
+    ///
+    /// # Errors
+    /// If the mass is not > 0, or the radius not finite and >= 0.
+    ///
+    /// # Panics
+    /// If there is no such particle.
+    pub fn set_particle(&mut self, number: usize, mass: f32, radius: f32) -> Result<(), SolverError> {
+        non_negative("radius", radius)?;
+        self.state.set_particle(number, inverse(mass)?, radius);
+        Ok(())
+    }
+
+    /// Puts a particle to `position`, m, without a motion from where it was.
+    pub fn set_position(&mut self, number: usize, position: Vec3) {
+        self.state.teleport(number, position);
+    }
+
+    /// Changes the velocity of a particle, m/s.
+    pub fn set_velocity(&mut self, number: usize, velocity: Vec3) {
+        self.state.particles.velocity.set(number, velocity);
+    }
+
+    /// Changes the force that pushes a particle from now on, N.
+    pub fn set_applied_force(&mut self, number: usize, force: Vec3) {
+        self.state.particles.applied_force.set(number, force);
+    }
+
+    /// The motions of pinned particles and the planes, to be changed freely between ticks.
+    pub fn inputs_mut(&mut self) -> &mut Inputs {
+        &mut self.inputs
+    }
+
+    /// Adds a plane; its number.
+    pub fn add_plane(&mut self, plane: Plane) -> usize {
+        self.inputs.planes.push(plane);
+        self.inputs.planes.len() - 1
+    }
+
+    /// Sends a pinned particle to `target`, m, in each tick from now on: it arrives in the next one and stays.
+    pub fn move_pinned(&mut self, number: usize, target: Vec3) {
+        let motion = PinnedMotion { slot: number, start: self.position(number), target };
+        self.inputs.pinned.retain(|other| other.slot != number);
+        self.inputs.pinned.push(motion);
+    }
+
+    /// Advances everything by a tick.
+    pub fn step(&mut self, settings: &StepSettings) -> &Outputs {
+        step(&mut self.state, &self.inputs, &mut self.caches, &mut self.outputs, settings);
+        for motion in &mut self.inputs.pinned {
+            motion.start = motion.target;
+        }
+        &self.outputs
+    }
+
+    /// What the last tick published.
+    pub fn outputs(&self) -> &Outputs {
+        &self.outputs
+    }
+
+    /// What the next ticks are to publish: see the fields `record_…`.
+    pub fn outputs_mut(&mut self) -> &mut Outputs {
+        &mut self.outputs
+    }
+
+    /// What a tick with these settings would run.
+    pub fn plan(&mut self, settings: &StepSettings) -> Plan {
+        self.caches.plan(&self.state, settings)
+    }
+
+    /// Bounds on the frequencies of the whole net in a medium of `viscosity` N·s/m.
+    pub fn frequency_bounds(&mut self, viscosity: f32) -> FrequencyBounds {
+        self.caches.frequency_bounds(&self.state, viscosity)
+    }
+
+    /// Energies, momentum and extremes in the gravity field `gravity`, m/s².
+    pub fn measure(&self, gravity: Vec3) -> Measurements {
+        measure(&self.state, gravity)
+    }
+
+    /// The state, on which the next ticks depend: a copy of it is a snapshot.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Puts a state back, or that of another solver. What follows is to the bit what followed there.
+    pub fn restore(&mut self, state: State) {
+        self.state = state;
+    }
+
+    /// Drops all that is derived from the state. It changes no result.
+    pub fn drop_caches(&mut self) {
+        self.caches = Caches::default();
+    }
+
+    /// The number of particles.
+    pub fn particle_count(&self) -> usize {
+        self.state.particles.len()
+    }
+
+    /// The number of springs, removed ones included.
+    pub fn spring_count(&self) -> usize {
+        self.state.spring_count()
+    }
+
+    /// The position of a particle, m.
+    pub fn position(&self, number: usize) -> Vec3 {
+        self.state.particles.position.get(number)
+    }
+
+    /// The velocity of a particle, m/s.
+    pub fn velocity(&self, number: usize) -> Vec3 {
+        self.state.particles.velocity.get(number)
+    }
+
+    /// 1 / mass of a particle, 1/kg; 0 if it is pinned.
+    pub fn inverse_mass(&self, number: usize) -> f32 {
+        self.state.particles.inverse_mass()[number]
+    }
+
+    /// The force that pushes a particle, N.
+    pub fn applied_force(&self, number: usize) -> Vec3 {
+        self.state.particles.applied_force.get(number)
+    }
+
+    /// The ends and parameters of a spring; those of a removed one are zero.
+    pub fn spring(&self, number: usize) -> ([usize; 2], Spring) {
+        self.state.spring_with_ends(number)
+    }
+}
+
+fn inverse(mass: f32) -> Result<f32, SolverError> {
+    match mass > 0.0 {
+        true => Ok(1.0 / mass),
+        false => Err(SolverError::OutOfRange { field: "mass", value: mass, expected: "a number > 0" }),
+    }
+}
+
+fn check(spring: Spring) -> Result<(), SolverError> {
+    non_negative("rest_length", spring.rest_length)?;
+    non_negative("stiffness", spring.stiffness)?;
+    non_negative("damping", spring.damping)
+}

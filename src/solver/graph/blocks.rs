@@ -1,0 +1,533 @@
+//! The elements in the order in which the kernel takes them.
+//!
+//! The particles are divided into *blocks* of consecutive slots. A block owns the forces on its particles and
+//! lists every element that ends in it; one between two blocks is listed in both, and each computes it for its
+//! own ends, so that blocks need not wait for each other and a tick has the same bits on any number of threads.
+//!
+//! Within a block springs are sorted by the offset between their two slots, then by slot. Ropes, cloths and
+//! lattices then fall into long *runs*, in which the first ends are consecutive and the second ends too: eight
+//! springs are loaded, computed and stored at a time without gathering. What is left over is *loose* and taken
+//! one by one.
+//!
+//! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
+
+use std::ops::Range;
+
+#[cfg(test)]
+use super::super::elements::Bend;
+use super::super::elements::{Element, Elements, Holds, Spring, Table, for_each_kind};
+use super::super::particles::{Particles, split_off};
+use super::super::state::Version;
+use super::layout::Layout;
+
+/// Runs shorter than this are loose: a vector would not be filled.
+pub(in crate::solver) const MIN_RUN: usize = 8;
+
+/// From about this number of particles and springs together on it pays to wake other threads. Measured: a rope of
+/// 10,000 (20,000 of them) takes two threads a twentieth longer than one, a cloth of 70² (34,000) a twelfth
+/// less.
+const MIN_SHARED: usize = 25_000;
+
+/// Springs whose lower ends are consecutive slots, and whose upper ends are too.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver) struct Run {
+    /// The first of the lower slots.
+    pub lower: u32,
+    /// The first of the upper slots.
+    pub upper: u32,
+    /// Number of springs.
+    pub count: u32,
+    /// Where their parameters begin in the block.
+    pub start: u32,
+    /// Whether the block owns the lower and the upper ends.
+    pub owned: [bool; 2],
+    /// Stiffness and damping, if they are those of all its springs: less to read.
+    pub material: Option<[f32; 2]>,
+}
+
+/// An element that is in no run.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver) struct Loose<E, const N: usize> {
+    pub ends: [u32; N],
+    /// Whether the block owns each of the ends.
+    pub owned: [bool; N],
+    pub element: E,
+}
+
+macro_rules! define_loose {
+    ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {
+        /// The loose elements of each kind.
+        #[derive(Debug, Clone, Default)]
+        pub(in crate::solver) struct LooseElements {
+            $($(#[$meta])* pub $kind: Vec<Loose<$element, $ends>>,)*
+        }
+
+        impl Blocks {
+            /// Lists the elements of all kinds but the springs.
+            fn list_others(&mut self, elements: &Elements) {
+                // The springs, which come first, have runs.
+                $($(#[$meta])* if $ends > 2 {
+                    let table = Holds::<$element, $ends>::table(elements);
+                    for index in 0..table.len() {
+                        self.add_loose(table, index, |block| &mut block.loose.$kind);
+                    }
+                })*
+            }
+        }
+    };
+}
+for_each_kind!(define_loose);
+
+/// The elements that end in one block of particles.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Block {
+    /// Its particles.
+    pub slots: Range<usize>,
+    pub runs: Vec<Run>,
+    /// Parameters of the springs in runs.
+    pub rest_length: Vec<f32>,
+    pub stiffness: Vec<f32>,
+    pub damping: Vec<f32>,
+    /// The springs in runs, then the loose ones.
+    springs: Vec<u32>,
+    pub loose: LooseElements,
+}
+
+/// All elements in blocks.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Blocks {
+    /// The blocks, in the order of their slots. Particles that the planner has excluded are in none.
+    pub blocks: Vec<Block>,
+    /// Where the parameters of each spring are; in the second place only for a spring between two blocks.
+    places: Vec<[Option<Place>; 2]>,
+    particles: usize,
+    version: Version,
+    excluded: Version,
+    ranges_version: Version,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    block: u32,
+    index: u32,
+}
+
+impl Blocks {
+    /// The blocks of settled elements.
+    pub fn of(mut elements: Elements, particles: &Particles) -> Self {
+        elements.settle(particles.inverse_mass());
+        let mut blocks = Self::default();
+        blocks.build(&elements, particles.len(), |_| false);
+        blocks
+    }
+
+    /// Makes them those of `elements`, without the particles that are `excluded`: their set has a version.
+    pub fn refresh(
+        &mut self,
+        elements: &mut Elements,
+        particles: &Particles,
+        (excluded, is_excluded): (Version, impl Fn(usize) -> bool),
+    ) {
+        let count = particles.len();
+        if self.version == elements.version() && self.particles == count && self.excluded == excluded {
+            return;
+        }
+        let only_springs = elements.len() == elements.springs().len();
+        let can_update = elements.lists_edits_since(self.version) && only_springs && excluded == Version::default();
+        if can_update && self.excluded == excluded && !self.blocks.is_empty() {
+            self.update(elements.springs(), elements.sorted_particles(), count);
+        } else {
+            self.build(elements, count, is_excluded);
+        }
+        (self.version, self.excluded) = (elements.version(), excluded);
+        elements.reset_edits();
+    }
+
+    /// Changes when a block gets other slots.
+    pub fn ranges_version(&self) -> Version {
+        self.ranges_version
+    }
+
+    /// Whether an evaluation of the forces takes so long that other threads should help.
+    pub fn are_worth_sharing(&self) -> bool {
+        self.blocks.len() > 1 && self.particles + self.places.len() >= MIN_SHARED
+    }
+
+    /// Number of springs in no run; those between two blocks count twice.
+    pub fn loose_springs(&self) -> usize {
+        self.blocks.iter().map(|block| block.loose.springs.len()).sum()
+    }
+
+    /// Splits vectors, given by coordinate, into those of each block.
+    pub fn split<'a>(
+        &'a self,
+        mut vectors: [&'a mut [f32]; 3],
+    ) -> impl Iterator<Item = [&'a mut [f32]; 3]> + Send + 'a {
+        let mut passed = 0;
+        self.blocks.iter().map(move |Block { slots, .. }| {
+            split_off(&mut vectors, slots.start - passed);
+            passed = slots.end;
+            split_off(&mut vectors, slots.len())
+        })
+    }
+
+    /// The springs that end in a particle. They are not searched for if these are the blocks of `elements`.
+    pub fn springs_at(&self, elements: &Elements, slot: usize) -> Vec<usize> {
+        let springs = elements.springs();
+        let are_present = elements.lists_edits_since(self.version) && self.places.len() == springs.len();
+        let block = self.block_of(slot as u32).filter(|_| are_present);
+        let Some(block) = block.map(|block| &self.blocks[block]) else {
+            let ends = springs.all_ends().iter().enumerate();
+            return ends.filter(|(_, ends)| ends.contains(&(slot as u32))).map(|(index, _)| index).collect();
+        };
+        let slot = slot as u32;
+        let in_runs = block.runs.iter().flat_map(|run| {
+            [run.lower, run.upper].into_iter().zip(run.owned).filter_map(move |(first, owned)| {
+                let at = slot.checked_sub(first).filter(|at| owned && *at < run.count)?;
+                Some(run.start + at)
+            })
+        });
+        let among_loose = block.loose.springs.iter().zip(block.rest_length.len() as u32..);
+        let among_loose = among_loose.filter(|(loose, _)| loose.ends.contains(&slot)).map(|(_, place)| place);
+        in_runs.chain(among_loose).map(|place| block.springs[place as usize] as usize).collect()
+    }
+
+    fn block_of(&self, slot: u32) -> Option<usize> {
+        let block = self.blocks.partition_point(|block| block.slots.end <= slot as usize);
+        self.blocks.get(block)?.slots.contains(&(slot as usize)).then_some(block)
+    }
+
+    /// Sorts all elements into blocks.
+    fn build(&mut self, elements: &Elements, particles: usize, is_excluded: impl Fn(usize) -> bool) {
+        let springs = elements.springs();
+        let layout = Layout::of(springs, elements.sorted_particles().min(particles));
+        self.particles = particles;
+        self.ranges_version = Version::new();
+        self.blocks.clear();
+        self.add_ranges(layout.ranges(particles), is_excluded);
+        self.places.clear();
+        self.places.resize(springs.sorted(), [None; 2]);
+        for (number, entries) in self.sorted_entries(springs, &layout).into_iter().enumerate() {
+            self.blocks[number].fill_runs(springs, &entries);
+            for (spring, index) in self.blocks[number].springs.iter().zip(0..) {
+                let [first, second] = &mut self.places[*spring as usize];
+                let place = if first.is_none() { first } else { second };
+                *place = Some(Place { block: number as u32, index });
+            }
+        }
+        for index in (0..springs.sorted()).filter(|index| springs.is_anchored(*index)) {
+            self.add_spring(springs, index);
+        }
+        for index in springs.sorted()..springs.len() {
+            self.places.push([None; 2]);
+            self.add_spring(springs, index);
+        }
+        self.list_others(elements);
+    }
+
+    fn add_ranges(
+        &mut self,
+        ranges: impl Iterator<Item = Range<usize>>,
+        is_excluded: impl Fn(usize) -> bool,
+    ) {
+        for range in ranges {
+            let mut start = range.start;
+            for slot in range.clone().chain([range.end]) {
+                if slot == range.end || is_excluded(slot) {
+                    if start < slot {
+                        self.blocks.push(Block { slots: start..slot, ..Block::default() });
+                    }
+                    start = slot + 1;
+                }
+            }
+        }
+    }
+
+    /// The springs of each block that may be in runs, sorted.
+    fn sorted_entries(&self, springs: &Table<Spring, 2>, layout: &Layout) -> Vec<Vec<Entry>> {
+        let mut entries = vec![Vec::new(); self.blocks.len()];
+        let mut block = 0;
+        // Ends lie close, and so do those of the next spring.
+        let mut find = |slot: u32| {
+            if !self.blocks.get(block).is_some_and(|found: &Block| found.slots.contains(&(slot as usize))) {
+                block = self.block_of(slot)?;
+            }
+            Some(block)
+        };
+        for (spring, &[first, second]) in springs.all_ends()[..springs.sorted()].iter().enumerate() {
+            if springs.is_anchored(spring) {
+                continue;
+            }
+            let (lower, upper) = (first.min(second), first.max(second));
+            let offset = upper - lower;
+            let blocks = [find(lower), find(upper)];
+            let mut add = |block: Option<usize>, slot, owned| {
+                let Some(block) = block else { return };
+                let tile = layout.tile_of(slot);
+                entries[block].push(Entry { tile, owned, offset, lower, spring: spring as u32 });
+            };
+            if blocks[0] == blocks[1] {
+                add(blocks[0], lower, Owned::Both);
+            } else {
+                add(blocks[0], lower, Owned::Lower);
+                add(blocks[1], upper, Owned::Upper);
+            }
+        }
+        entries.iter_mut().for_each(|entries| entries.sort_unstable());
+        entries
+    }
+
+    /// Takes over what has been added and changed since the last time.
+    fn update(&mut self, springs: &Table<Spring, 2>, sorted_particles: usize, particles: usize) {
+        if particles > self.particles {
+            self.add_late_particles(sorted_particles, particles);
+        }
+        for index in self.places.len()..springs.len() {
+            self.places.push([None; 2]);
+            self.add_spring(springs, index);
+        }
+        for &index in springs.edits() {
+            let spring = springs.elements()[index as usize];
+            for place in self.places[index as usize].into_iter().flatten() {
+                self.blocks[place.block as usize].set_parameters(place.index as usize, spring);
+            }
+        }
+    }
+
+    /// Puts added particles into blocks of their own, as [`Layout::ranges`] does.
+    fn add_late_particles(&mut self, sorted_particles: usize, particles: usize) {
+        let last = self.blocks.last_mut().filter(|last| last.slots.start >= sorted_particles);
+        if let Some(last) = last {
+            last.slots.end = particles.min(last.slots.start + Layout::LATE_BLOCK);
+            self.particles = last.slots.end;
+        }
+        for start in (self.particles..particles).step_by(Layout::LATE_BLOCK) {
+            let slots = start..particles.min(start + Layout::LATE_BLOCK);
+            self.blocks.push(Block { slots, ..Block::default() });
+        }
+        self.particles = particles;
+        self.ranges_version = Version::new();
+    }
+
+    /// Appends a spring that is in no run.
+    fn add_spring(&mut self, springs: &Table<Spring, 2>, index: usize) {
+        for place in self.add_loose(springs, index, |block| &mut block.loose.springs).into_iter().flatten() {
+            let block = &mut self.blocks[place as usize];
+            let index_in_block = block.springs.len() as u32;
+            block.springs.push(index as u32);
+            let [first, second] = &mut self.places[index];
+            let entry = if first.is_none() { first } else { second };
+            *entry = Some(Place { block: place, index: index_in_block });
+        }
+    }
+
+    /// Lists an element in each block that has an end of it; these blocks.
+    fn add_loose<E: Element<N>, const N: usize>(
+        &mut self,
+        table: &Table<E, N>,
+        index: usize,
+        list: impl Fn(&mut Block) -> &mut Vec<Loose<E, N>>,
+    ) -> [Option<u32>; N] {
+        let (ends, element) = (table.all_ends()[index], table.elements()[index]);
+        let blocks = ends.map(|end| self.block_of(end));
+        let mut listed = [None; N];
+        for (place, &block) in blocks.iter().enumerate() {
+            let Some(number) = block.filter(|_| !blocks[..place].contains(&block)) else { continue };
+            let owned = blocks.map(|other| other == block);
+            list(&mut self.blocks[number]).push(Loose { ends, owned, element });
+            listed[place] = Some(number as u32);
+        }
+        listed
+    }
+}
+
+/// A spring of a block, in the order of sorting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Entry {
+    tile: u32,
+    owned: Owned,
+    offset: u32,
+    lower: u32,
+    spring: u32,
+}
+
+/// Which ends of a spring a block owns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Owned {
+    Both,
+    Lower,
+    Upper,
+}
+
+impl Block {
+    fn set_parameters(&mut self, index: usize, spring: Spring) {
+        let Some(rest_length) = self.rest_length.get_mut(index) else {
+            self.loose.springs[index - self.rest_length.len()].element = spring;
+            return;
+        };
+        let Spring { stiffness, damping, .. } = spring;
+        *rest_length = spring.rest_length;
+        self.stiffness[index] = stiffness;
+        self.damping[index] = damping;
+        let run = self.runs.partition_point(|run| run.start as usize <= index) - 1;
+        if self.runs[run].material != Some([stiffness, damping]) {
+            self.runs[run].material = None;
+        }
+    }
+
+    /// Divides sorted entries into runs and loose springs.
+    fn fill_runs(&mut self, springs: &Table<Spring, 2>, entries: &[Entry]) {
+        let spring_of = |entry: &Entry| springs.elements()[entry.spring as usize];
+        let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
+        let consecutive = |one: &Entry, next: &Entry| {
+            (one.tile, one.owned, one.offset, one.lower + 1) == (next.tile, next.owned, next.offset, next.lower)
+        };
+        let groups = || entries.chunk_by(consecutive);
+        for group in groups().filter(|group| group.len() >= MIN_RUN) {
+            let Entry { owned, offset, lower, .. } = group[0];
+            let is_uniform = group.iter().all(|entry| material(entry) == material(&group[0]));
+            self.runs.push(Run {
+                lower,
+                upper: lower + offset,
+                count: group.len() as u32,
+                start: self.springs.len() as u32,
+                owned: [owned != Owned::Upper, owned != Owned::Lower],
+                material: is_uniform.then(|| material(&group[0])),
+            });
+            for entry in group {
+                let Spring { rest_length, stiffness, damping } = spring_of(entry);
+                self.rest_length.push(rest_length);
+                self.stiffness.push(stiffness);
+                self.damping.push(damping);
+                self.springs.push(entry.spring);
+            }
+        }
+        for entry in groups().filter(|group| group.len() < MIN_RUN).flatten() {
+            let Entry { owned, offset, lower, spring, .. } = *entry;
+            self.loose.springs.push(Loose {
+                ends: [lower, lower + offset],
+                owned: [owned != Owned::Upper, owned != Owned::Lower],
+                element: spring_of(entry),
+            });
+            self.springs.push(spring);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::super::layout::MIN_BLOCK;
+    use super::*;
+
+    fn particles(count: usize) -> Particles {
+        let mut particles = Particles::default();
+        (0..count).for_each(|_| particles.push(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0));
+        particles
+    }
+
+    fn spring(rest_length: f32) -> Spring {
+        Spring { rest_length, stiffness: 1.0, damping: 0.0 }
+    }
+
+    /// Each spring as (lower, upper, rest length), once for each of its ends that a block owns.
+    fn listed(blocks: &Blocks) -> Vec<(u32, u32, u32)> {
+        let mut listed = Vec::new();
+        let mut list = |[lower, upper]: [u32; 2], owned: [bool; 2], rest_length: f32| {
+            let owned = owned.iter().filter(|owned| **owned).count();
+            listed.extend(std::iter::repeat_n((lower.min(upper), lower.max(upper), rest_length.to_bits()), owned));
+        };
+        for block in &blocks.blocks {
+            for run in &block.runs {
+                for at in 0..run.count {
+                    let rest_length = block.rest_length[(run.start + at) as usize];
+                    list([run.lower + at, run.upper + at], run.owned, rest_length);
+                }
+            }
+            for loose in &block.loose.springs {
+                list(loose.ends, loose.owned, loose.element.rest_length);
+            }
+        }
+        listed.sort_unstable();
+        listed
+    }
+
+    fn expected(elements: &Elements) -> Vec<(u32, u32, u32)> {
+        let springs = elements.springs().all_ends().iter().zip(elements.springs().elements());
+        let mut expected: Vec<_> = springs
+            .flat_map(|(&[first, second], spring)| {
+                [(first.min(second), first.max(second), spring.rest_length.to_bits()); 2]
+            })
+            .collect();
+        expected.sort_unstable();
+        expected
+    }
+
+    #[test]
+    fn both_ends_of_every_spring_are_served_once() {
+        let count = 5 * MIN_BLOCK;
+        let mut elements = Elements::default();
+        for slot in 0..count as u32 {
+            // A rope, one link in ten the other way round, and some springs from anywhere to anywhere.
+            let next = (slot + 1) % count as u32;
+            elements.push(if slot % 10 == 0 { [next, slot] } else { [slot, next] }, spring(slot as f32));
+            if slot % 100 == 0 {
+                elements.push([slot, slot * 7 % count as u32 + 1], spring(0.5));
+            }
+        }
+        elements.settle(particles(count).inverse_mass());
+        let (mut blocks, all) = (Blocks::default(), particles(count + 3000));
+        let refresh = |blocks: &mut Blocks, elements: &mut Elements, all: &Particles| {
+            blocks.refresh(elements, all, (Version::default(), |_| false));
+        };
+        refresh(&mut blocks, &mut elements, &particles(count));
+        assert!(blocks.blocks.len() > 1);
+        assert_eq!(listed(&blocks), expected(&elements));
+        // What is added and changed later is listed as if all were listed anew.
+        elements.set(3, spring(17.5));
+        elements.remove::<Spring, 2>(4);
+        for slot in 0..100 {
+            elements.push([slot * 70, count as u32 + 20 * slot], spring(2.5));
+        }
+        refresh(&mut blocks, &mut elements, &all);
+        assert_eq!(listed(&blocks), expected(&elements));
+        let anew = Blocks::of(elements.clone(), &all);
+        let order = |blocks: &Blocks| format!("{:?}", blocks.blocks).replace("Some([1.0, 0.0])", "None");
+        assert_eq!(order(&blocks), order(&anew));
+        assert_eq!(blocks.springs_at(&elements, 7).len(), 2);
+        // Without some particles, springs that end there are listed for the other end only.
+        blocks.refresh(&mut elements, &all, (Version::new(), |slot| slot == 5));
+        assert_eq!(listed(&blocks).len(), expected(&elements).len() - 2);
+    }
+
+    #[test]
+    fn a_rope_is_one_run_in_each_tile() {
+        let mut elements = Elements::default();
+        for slot in 1..1500 {
+            elements.push([slot - 1, slot], spring(0.1));
+        }
+        let blocks = Blocks::of(elements, &particles(1500));
+        let runs: Vec<u32> = blocks.blocks[0].runs.iter().map(|run| run.count).collect();
+        assert_eq!(runs, [1024, 475]);
+    }
+
+    #[test]
+    fn the_blocks_of_an_island_do_not_depend_on_what_is_before_it() {
+        let rope = |elements: &mut Elements, start: u32| {
+            for slot in start + 1..start + 5000 {
+                elements.push([slot - 1, slot], spring(0.1));
+            }
+        };
+        let (mut alone, mut beside) = (Elements::default(), Elements::default());
+        rope(&mut alone, 0);
+        (1..40).for_each(|slot| drop(beside.push([slot - 1, slot], spring(0.1))));
+        rope(&mut beside, 40);
+        let alone = Blocks::of(alone, &particles(5000));
+        let beside = Blocks::of(beside, &particles(5040));
+        let shape = |blocks: &[Block], first: u32| -> Vec<(u32, u32)> {
+            blocks.iter().flat_map(|block| &block.runs).map(|run| (run.lower - first, run.count)).collect()
+        };
+        assert_eq!(shape(&alone.blocks, 0), shape(&beside.blocks[1..], 40));
+    }
+}

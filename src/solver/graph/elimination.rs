@@ -1,0 +1,261 @@
+//! In which order the unknowns of an island are eliminated.
+//!
+//! Its particles are numbered as *nodes*:
+//!
+//! ```text
+//! 0 .. trees       leaves first: each has at most one neighbour among the nodes after it, its parent
+//! trees .. free    the core, what is left: each node of it lies on a closed path of elements
+//! free .. end      pinned particles at the ends of elements
+//! end              no particle: the parent of the roots
+//! ```
+//!
+//! A forest has no core. Removing leaves at all ends at once makes the middle of a rope its root, so that the
+//! two halves are eliminated side by side, which the processor does at the same time. An element of more than
+//! two ends couples all of them, so that these are in the core.
+
+use super::super::buckets::Buckets;
+use super::super::elements::{Acting, Elements};
+use super::super::particles::Particles;
+use super::hierarchy::Hierarchy;
+use super::{Islands, Linked};
+
+/// The nodes of an island, the elements between them, and the order of elimination.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Elimination {
+    /// The slot of each node.
+    pub slots: Vec<u32>,
+    /// Number of nodes that are eliminated directly.
+    pub trees: usize,
+    /// Number of nodes that are free.
+    pub free: usize,
+    /// The parent of each tree node.
+    pub parents: Vec<u32>,
+    /// `tree_starts[i]..tree_starts[i + 1]` are the elements of tree node i.
+    pub tree_starts: Vec<u32>,
+    /// The numbers of the elements of two ends: those of the tree nodes, then those of the core, of these first
+    /// the links within the core, in runs.
+    pub elements: Vec<u32>,
+    /// Their ends; the first is the tree node, or one of the core.
+    pub ends: Vec<[u32; 2]>,
+    /// The links within the core.
+    pub runs: Vec<NodeRun>,
+    /// The elements of more ends, whose `ends` are nodes.
+    pub compounds: Vec<Linked>,
+    /// How the core is coarsened, for its preconditioner.
+    pub hierarchy: Hierarchy,
+}
+
+/// Links of the core whose ends are consecutive nodes; core nodes are numbered from 0 here.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::solver) struct NodeRun {
+    pub first: usize,
+    pub second: usize,
+    pub count: usize,
+}
+
+const NO_NODE: u32 = u32::MAX;
+
+impl Elimination {
+    /// One for each of the islands that are `wanted`.
+    pub fn of_islands(
+        elements: &Elements,
+        particles: &Particles,
+        islands: &Islands,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Vec<Self> {
+        let mut members = Buckets::default();
+        members.fill(islands.all().len(), |add| {
+            elements.for_each_acting(|Acting { number, ends, .. }| {
+                let island = ends.iter().find_map(|end| islands.of(*end as usize));
+                if let Some(island) = island.filter(|island| wanted(*island)) {
+                    add(island, Linked::new(number, ends));
+                }
+            });
+        });
+        let mut nodes = vec![NO_NODE; particles.len()];
+        let wanted = (0..members.len()).filter(|island| wanted(*island));
+        wanted.map(|island| Self::of(members.of(island), particles, &mut nodes)).collect()
+    }
+
+    /// The elimination of an island of these elements; `nodes` is working memory.
+    fn of(members: &[Linked], particles: &Particles, nodes: &mut [u32]) -> Self {
+        let mut all: Vec<u32> = members.iter().flat_map(Linked::ends).copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        let (pinned, free): (Vec<u32>, Vec<u32>) =
+            all.into_iter().partition(|slot| particles.is_pinned(*slot as usize));
+        let mut elimination = Self { free: free.len(), ..Self::default() };
+        elimination.number(members, &free, particles, nodes);
+        elimination.slots.extend(pinned);
+        for (node, slot) in (0..).zip(&elimination.slots) {
+            nodes[*slot as usize] = node;
+        }
+        let no_node = elimination.slots.len() as u32;
+        for parent in &mut elimination.parents {
+            *parent = if *parent == NO_NODE { no_node } else { nodes[*parent as usize] };
+        }
+        elimination.sort_elements(members, nodes);
+        elimination
+    }
+
+    /// Numbers the free nodes; the parents are slots for the time being. `places` is working memory.
+    fn number(&mut self, members: &[Linked], free: &[u32], particles: &Particles, places: &mut [u32]) {
+        let mut in_core = vec![false; free.len()];
+        for (place, slot) in (0..).zip(free) {
+            places[*slot as usize] = place;
+        }
+        let place_of = |slot: u32| (!particles.is_pinned(slot as usize)).then(|| places[slot as usize]);
+        let mut neighbours = Buckets::default();
+        neighbours.fill(free.len(), |add| {
+            for ends in members.iter().map(Linked::ends) {
+                for (&end, &other) in ends.iter().flat_map(|end| ends.iter().map(move |other| (end, other))) {
+                    if let (Some(end), Some(other), true) = (place_of(end), place_of(other), end != other) {
+                        add(end as usize, other);
+                    }
+                }
+            }
+        });
+        neighbours.sort_and_dedup();
+        for end in members.iter().filter(|member| member.count > 2).flat_map(Linked::ends) {
+            place_of(*end).into_iter().for_each(|place| in_core[place as usize] = true);
+        }
+        let mut degree: Vec<usize> = (0..free.len()).map(|place| neighbours.of(place).len()).collect();
+        let mut taken = vec![false; free.len()];
+        let mut order: Vec<u32> = (0..free.len() as u32)
+            .filter(|place| degree[*place as usize] <= 1 && !in_core[*place as usize])
+            .collect();
+        while let Some(&leaf) = order.get(self.parents.len()) {
+            taken[leaf as usize] = true;
+            let parent = neighbours.of(leaf as usize).iter().find(|other| !taken[**other as usize]);
+            self.parents.push(parent.map_or(NO_NODE, |parent| free[*parent as usize]));
+            if let Some(&parent) = parent {
+                degree[parent as usize] -= 1;
+                if degree[parent as usize] == 1 && !in_core[parent as usize] {
+                    order.push(parent);
+                }
+            }
+        }
+        self.trees = order.len();
+        order.extend((0..free.len() as u32).filter(|place| !taken[*place as usize]));
+        self.slots.extend(order.into_iter().map(|place| free[place as usize]));
+    }
+
+    /// Lists the elements that have a free end, by the node that they are assigned to.
+    fn sort_elements(&mut self, members: &[Linked], nodes: &[u32]) {
+        let (trees, free) = (self.trees as u32, self.free as u32);
+        let in_nodes = members.iter().map(|member| member.map_ends(|slot| nodes[slot as usize]));
+        let (mut pairs, compounds): (Vec<Linked>, Vec<Linked>) = in_nodes.partition(|member| member.count == 2);
+        self.compounds = compounds;
+        for pair in &mut pairs {
+            pair.ends[..2].sort_unstable();
+        }
+        pairs.sort_by_key(|&Linked { ends, element, .. }| {
+            let (first, second) = (ends[0], ends[1]);
+            match (first < trees, second < free) {
+                (true, _) => (0, first, second, element),
+                (false, true) => (1, second - first, first, element),
+                (false, false) => (2, first, second, element),
+            }
+        });
+        self.elements.extend(pairs.iter().map(|pair| pair.element));
+        self.ends.extend(pairs.iter().map(|pair| [pair.ends[0], pair.ends[1]]));
+        self.tree_starts.resize(self.trees + 1, 0);
+        for ends in self.ends.iter().take_while(|ends| ends[0] < trees) {
+            self.tree_starts[ends[0] as usize + 1] += 1;
+        }
+        for node in 0..self.trees {
+            self.tree_starts[node + 1] += self.tree_starts[node];
+        }
+        for ends in self.ends[self.tree_elements()..].iter().take_while(|ends| ends[1] < free) {
+            let [first, second] = ends.map(|end| (end - trees) as usize);
+            match self.runs.last_mut() {
+                Some(run) if [run.first + run.count, run.second + run.count] == [first, second] => {
+                    run.count += 1;
+                }
+                _ => self.runs.push(NodeRun { first, second, count: 1 }),
+            }
+        }
+        self.hierarchy.build(self.free - self.trees, &self.runs);
+    }
+
+    /// The number of elements that are assigned to tree nodes.
+    pub fn tree_elements(&self) -> usize {
+        self.tree_starts.last().map_or(0, |end| *end as usize)
+    }
+
+    /// Whether the island hangs on a pinned particle.
+    pub fn is_anchored(&self) -> bool {
+        self.slots.len() > self.free
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::super::super::elements::{Bend, Spring};
+    use super::*;
+
+    fn eliminations(links: &[[u32; 2]], bends: &[[u32; 3]], inverse_mass: &[f32]) -> Vec<Elimination> {
+        let (mut elements, mut particles) = (Elements::default(), Particles::default());
+        for link in links {
+            elements.push(*link, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+        }
+        for bend in bends {
+            elements.push(*bend, Bend { stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] });
+        }
+        for inverse_mass in inverse_mass {
+            particles.push(Vec3::ZERO, Vec3::ZERO, *inverse_mass, 0.0);
+        }
+        let mut islands = Islands::default();
+        islands.refresh(&elements, &particles);
+        Elimination::of_islands(&elements, &particles, &islands, |_| true)
+    }
+
+    fn elimination(links: &[[u32; 2]], inverse_mass: &[f32]) -> Elimination {
+        let mut all = eliminations(links, &[], inverse_mass);
+        assert_eq!(all.len(), 1);
+        all.remove(0)
+    }
+
+    #[test]
+    fn leaves_of_a_rope_are_removed_at_both_ends() {
+        let rope = elimination(&[[0, 1], [1, 2], [3, 2], [3, 4], [4, 5]], &[0.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
+        assert_eq!(rope.slots, [1, 5, 2, 4, 3, 0]);
+        assert_eq!((rope.trees, rope.free), (5, 5));
+        assert_eq!(rope.parents, [2, 3, 4, 4, 6]);
+        assert_eq!(rope.ends, [[0, 2], [0, 5], [1, 3], [2, 4], [3, 4]]);
+        assert_eq!(rope.tree_starts, [0, 2, 3, 4, 5, 5]);
+        assert!(rope.is_anchored());
+    }
+
+    #[test]
+    fn two_particles_make_one_tree_even_by_two_springs() {
+        let pair = elimination(&[[0, 1], [1, 0]], &[1.0, 1.0]);
+        assert_eq!((pair.trees, pair.parents.clone()), (2, vec![1, 2]));
+        assert!(!pair.is_anchored());
+    }
+
+    #[test]
+    fn a_ring_with_a_tail_keeps_the_ring_as_its_core() {
+        let links = [[0, 1], [1, 2], [2, 0], [2, 3], [3, 4], [5, 6]];
+        let all = eliminations(&links, &[], &[1.0; 8]);
+        assert_eq!(all[0].slots, [4, 3, 0, 1, 2]);
+        assert_eq!((all[0].trees, all[0].free), (2, 5));
+        assert_eq!(all[0].parents, [1, 4]);
+        assert_eq!((all[1].slots.clone(), all[1].trees), (vec![5, 6], 2));
+    }
+
+    #[test]
+    fn pinning_a_particle_of_a_ring_opens_it() {
+        let open = elimination(&[[0, 1], [1, 2], [2, 0]], &[1.0, 0.0, 1.0]);
+        assert_eq!((open.trees, open.free, open.slots.len()), (2, 2, 3));
+    }
+
+    #[test]
+    fn the_ends_of_a_compound_are_in_the_core() {
+        let all = eliminations(&[[0, 1], [1, 2], [2, 3], [3, 4]], &[[1, 2, 3]], &[0.0, 1.0, 1.0, 1.0, 1.0]);
+        assert_eq!((all[0].slots.clone(), all[0].trees, all[0].parents.clone()), (vec![4, 1, 2, 3, 0], 1, vec![3]));
+        assert_eq!(all[0].compounds, [Linked::new(4, &[1, 2, 3])]);
+    }
+}

@@ -1,0 +1,58 @@
+//! What the contacts must know of the springs: which pairs do not collide, and which particles are pulled at.
+
+use super::super::buckets::Buckets;
+use super::super::elements::{Acting, Elements};
+use super::super::particles::Particles;
+
+/// Rest lengths are often measured from positions, and radii chosen to fit them. By this part a rest length may
+/// be below the sum of the radii without being shorter.
+const MEASURING_ERROR: f32 = 1e-4;
+
+/// Derived anew with each search for candidates: then a spring, a radius or a mass has changed.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Exclusions {
+    /// For each particle those in higher slots that overlap it at rest: a spring joins the two whose rest length
+    /// is shorter than their radii together.
+    excluded: Buckets<u32>,
+    /// Whether a spring pulls at each particle.
+    sprung: Vec<bool>,
+}
+
+impl Exclusions {
+    /// Derives them from all springs.
+    pub fn rebuild(&mut self, particles: &Particles, elements: &Elements) {
+        let radius = particles.radius();
+        let Self { excluded, sprung } = self;
+        sprung.clear();
+        sprung.resize(particles.len(), false);
+        elements.for_each_acting(|Acting { ends, .. }| {
+            ends.iter().for_each(|end| sprung[*end as usize] = true);
+        });
+        let springs = elements.springs();
+        let pairs = springs.all_ends().iter().zip(springs.elements());
+        excluded.fill(particles.len(), |add| {
+            for (&[first, second], spring) in pairs.clone() {
+                let reach = radius[first as usize] + radius[second as usize];
+                let acts = spring.stiffness > 0.0 || spring.damping > 0.0;
+                if acts && spring.rest_length < (1.0 - MEASURING_ERROR) * reach {
+                    add(first.min(second) as usize, first.max(second));
+                }
+            }
+        });
+    }
+
+    /// Whether a spring pulls at any particle.
+    pub fn any_sprung(&self) -> bool {
+        self.sprung.contains(&true)
+    }
+
+    /// Whether a spring pulls at a particle.
+    pub fn is_sprung(&self, slot: usize) -> bool {
+        self.sprung.get(slot) == Some(&true)
+    }
+
+    /// Whether the particles a < b do not collide.
+    pub fn contains(&self, a: u32, b: u32) -> bool {
+        !self.excluded.is_empty() && self.excluded.of(a as usize).contains(&b)
+    }
+}

@@ -1,0 +1,237 @@
+//! The islands: what elements join, directly or through others.
+//!
+//! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
+//! exert no force.
+
+use super::super::elements::{Acting, Elements};
+use super::super::particles::Particles;
+use super::super::state::Version;
+
+/// The islands of free particles, in the order of their first slots.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Islands {
+    /// The island of each slot; [`NO_ISLAND`] of a pinned particle and of one without elements.
+    of_slot: Vec<u32>,
+    islands: Vec<Island>,
+    key: (Version, Version),
+}
+
+/// What is known of an island.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(in crate::solver) struct Island {
+    /// Number of elements.
+    pub elements: usize,
+    /// Whether they close a loop among free particles. Ropes, chains and trees have none.
+    pub has_loops: bool,
+}
+
+const NO_ISLAND: u32 = u32::MAX;
+
+impl Islands {
+    /// Makes them those of the acting `elements`; returns whether anything was derived anew.
+    pub fn refresh(&mut self, elements: &Elements, particles: &Particles) -> bool {
+        let key = (elements.ends_version(), particles.free_version());
+        if self.key == key {
+            return false;
+        }
+        self.key = key;
+        let mut forest = Forest::new(particles.len());
+        let mut joined = vec![false; particles.len()];
+        let mut closing = Vec::new();
+        elements.for_each_acting(|Acting { ends, .. }| {
+            let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));
+            let Some(first) = free.next() else { return };
+            joined[first] = true;
+            let mut closes = ends.len() > 2;
+            for end in free {
+                joined[end] = true;
+                closes |= !forest.join(first, end);
+            }
+            if closes {
+                closing.push(first);
+            }
+        });
+        self.number(&mut forest, &joined);
+        closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
+        elements.for_each_acting(|Acting { ends, .. }| {
+            let free = ends.iter().map(|end| *end as usize).find(|end| !particles.is_pinned(*end));
+            free.into_iter().for_each(|slot| self.island_mut(slot).elements += 1);
+        });
+        true
+    }
+
+    fn number(&mut self, forest: &mut Forest, joined: &[bool]) {
+        let mut of_root = vec![NO_ISLAND; joined.len()];
+        self.islands.clear();
+        self.of_slot.clear();
+        self.of_slot.extend(joined.iter().enumerate().map(|(slot, is_joined)| {
+            if !is_joined {
+                return NO_ISLAND;
+            }
+            let island = &mut of_root[forest.root(slot)];
+            if *island == NO_ISLAND {
+                *island = self.islands.len() as u32;
+                self.islands.push(Island::default());
+            }
+            *island
+        }));
+    }
+
+    fn island_mut(&mut self, slot: usize) -> &mut Island {
+        &mut self.islands[self.of_slot[slot] as usize]
+    }
+
+    /// All islands.
+    pub fn all(&self) -> &[Island] {
+        &self.islands
+    }
+
+    /// The island of a free particle; `None` without elements.
+    #[inline]
+    pub fn of(&self, slot: usize) -> Option<usize> {
+        let island = *self.of_slot.get(slot)?;
+        (island != NO_ISLAND).then_some(island as usize)
+    }
+}
+
+/// Some of the islands, and perhaps the free particles in none.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct IslandSet {
+    islands: Vec<bool>,
+    others: bool,
+    version: Version,
+}
+
+impl IslandSet {
+    /// Makes it these islands, and the free particles in none if `others`.
+    pub fn set(&mut self, islands: impl Iterator<Item = bool> + Clone, others: bool, are_new: bool) {
+        if are_new || self.others != others || !self.islands.iter().copied().eq(islands.clone()) {
+            self.islands.clear();
+            self.islands.extend(islands);
+            self.others = others;
+            self.version = Version::new();
+        }
+    }
+
+    /// Changes with what is in it.
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
+    pub fn contains_island(&self, island: usize) -> bool {
+        self.islands.get(island) == Some(&true)
+    }
+
+    /// Whether the particle in a slot is free and in one of the islands, or in none and one of the others.
+    pub fn contains(&self, islands: &Islands, particles: &Particles, slot: usize) -> bool {
+        match islands.of(slot) {
+            Some(island) => self.contains_island(island),
+            None => self.others && !particles.is_pinned(slot),
+        }
+    }
+}
+
+/// Disjoint sets of particles: each points to another one of its set, the root to itself.
+struct Forest(Vec<u32>);
+
+impl Forest {
+    fn new(particles: usize) -> Self {
+        Self((0..particles as u32).collect())
+    }
+
+    fn root(&mut self, slot: usize) -> usize {
+        let Self(parents) = self;
+        let mut slot = slot as u32;
+        while parents[slot as usize] != slot {
+            let parent = parents[slot as usize];
+            parents[slot as usize] = parents[parent as usize];
+            slot = parents[slot as usize];
+        }
+        slot as usize
+    }
+
+    /// Unites the sets of two particles; returns whether they were different ones.
+    fn join(&mut self, first: usize, second: usize) -> bool {
+        let (first, second) = (self.root(first), self.root(second));
+        self.0[first] = second as u32;
+        first != second
+    }
+}
+
+/// Whether the acting elements close a loop among free particles.
+pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -> bool {
+    let mut forest = Forest::new(particles.len());
+    let mut has_loops = false;
+    elements.for_each_acting(|Acting { ends, .. }| {
+        if !has_loops {
+            let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));
+            let first = free.next();
+            has_loops |= ends.len() > 2 || free.any(|end| first.is_some_and(|first| !forest.join(first, end)));
+        }
+    });
+    has_loops
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::super::super::elements::{Bend, Spring};
+    use super::*;
+
+    fn particles(inverse_mass: &[f32]) -> Particles {
+        let mut particles = Particles::default();
+        inverse_mass.iter().for_each(|inverse| particles.push(Vec3::ZERO, Vec3::ZERO, *inverse, 0.0));
+        particles
+    }
+
+    fn springs(ends: &[[u32; 2]]) -> Elements {
+        let mut elements = Elements::default();
+        for &ends in ends {
+            elements.push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+        }
+        elements
+    }
+
+    fn islands(elements: &Elements, particles: &Particles) -> Islands {
+        let mut islands = Islands::default();
+        islands.refresh(elements, particles);
+        islands
+    }
+
+    #[test]
+    fn pinned_particles_and_removed_springs_join_nothing() {
+        let particles = particles(&[1.0, 1.0, 0.0, 1.0, 1.0, 1.0]);
+        let mut elements = springs(&[[0, 1], [1, 2], [2, 3], [3, 4]]);
+        let found = islands(&elements, &particles);
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|slot| found.of(slot)), [Some(0), Some(0), None, Some(1), Some(1), None]);
+        assert_eq!(found.all(), [Island { elements: 2, has_loops: false }; 2]);
+        elements.remove::<Spring, 2>(0);
+        let found = islands(&elements, &particles);
+        assert_eq!([found.of(0), found.of(1), found.of(3)], [None, Some(0), Some(1)]);
+    }
+
+    #[test]
+    fn cutting_a_ring_opens_it() {
+        let particles = particles(&[1.0; 4]);
+        let mut ring = springs(&[[0, 1], [1, 2], [3, 2], [3, 0]]);
+        assert!(has_loops(&ring, &particles) && islands(&ring, &particles).all()[0].has_loops);
+        ring.remove::<Spring, 2>(2);
+        assert!(!has_loops(&ring, &particles) && !islands(&ring, &particles).all()[0].has_loops);
+        ring.push([2, 3], Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+        assert!(has_loops(&ring, &particles));
+        let mut held = particles.clone();
+        held.set_inverse_mass(1, 0.0);
+        assert!(!has_loops(&ring, &held), "pinning a particle opens it, too");
+    }
+
+    #[test]
+    fn an_element_of_three_ends_joins_all_of_them() {
+        let particles = particles(&[1.0; 5]);
+        let mut elements = springs(&[[3, 4]]);
+        elements.push([0, 1, 3], Bend { stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] });
+        let found = islands(&elements, &particles);
+        assert_eq!([0, 1, 2, 3, 4].map(|slot| found.of(slot)), [Some(0), Some(0), None, Some(0), Some(0)]);
+        assert_eq!(found.all(), [Island { elements: 2, has_loops: true }]);
+    }
+}

@@ -1,0 +1,59 @@
+//! What a tick publishes: contacts, and the forces that elements exert at its end.
+
+use bevy::math::{DVec3, Vec3};
+
+use super::collision::ContactRecord;
+use super::elements::Elements;
+use super::particles::Particles;
+use super::stability::Plan;
+
+/// What the last tick did, apart from the state that it left.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct Outputs {
+    /// Whether [`contacts`](Self::contacts) are recorded. Default false.
+    pub record_contacts: bool,
+    /// Whether [`tensions`](Self::tensions) and [`reactions`](Self::reactions) are computed. Default false.
+    pub record_forces: bool,
+    /// What ran.
+    pub plan: Plan,
+    /// Touching pairs at the end of the tick: of particles and of particles with planes.
+    pub contact_count: usize,
+    /// The contacts of all substeps, in the order of these.
+    pub contacts: Vec<ContactRecord>,
+    /// The tension of each spring at the end of the tick, damper included, N; negative where it pushes, 0 where
+    /// it was removed.
+    pub tensions: Vec<f32>,
+    /// The slot of each pinned particle with springs, and the force with which these pull at it at the end of the
+    /// tick, N; by slot.
+    pub reactions: Vec<(usize, Vec3)>,
+    /// Force on the particle in each slot: working memory.
+    forces: Vec<DVec3>,
+}
+
+impl Outputs {
+    pub(super) fn begin_tick(&mut self, plan: Plan) {
+        self.plan = plan;
+        self.contacts.clear();
+        self.tensions.clear();
+        self.reactions.clear();
+    }
+
+    /// Computes the forces, if they are asked for.
+    pub(super) fn end_tick(&mut self, elements: &Elements, particles: &Particles) {
+        if !self.record_forces {
+            return;
+        }
+        let Self { tensions, reactions, forces, .. } = self;
+        tensions.resize(elements.len(), 0.0);
+        forces.clear();
+        forces.resize(particles.len(), DVec3::NAN);
+        let on_element = |element: u32, tension: f64| tensions[element as usize] = tension as f32;
+        elements.for_each_force(particles, on_element, |slot, force| {
+            let sum = &mut forces[slot];
+            *sum = if sum.is_nan() { force } else { *sum + force };
+        });
+        let pinned = (0..particles.len()).filter(|slot| particles.is_pinned(*slot) && !forces[*slot].is_nan());
+        reactions.extend(pinned.map(|slot| (slot, forces[slot].as_vec3())));
+    }
+}

@@ -1,0 +1,148 @@
+//! Newton's method on the potential of a step.
+
+use bevy::math::DVec3;
+
+use super::conjugate_gradient::ConjugateGradient;
+use super::system::System;
+use crate::solver::graph::Elimination;
+
+/// The error that is left, as a part of the displacement in the time step.
+const TOLERANCE: f64 = 5e-4;
+
+/// The energy of this error, as a part of what the displacement costs against inertia.
+const ENERGY_TOLERANCE: f64 = 1e-4;
+
+/// How much shorter a Newton step is taken to be than the one before, when it comes to the error, at
+/// most. A sheet with compressed springs may crumple for dozens of steps, each a little further: that is
+/// not waited for.
+const MAX_RATIO: f64 = 0.5;
+
+/// Maximal number of Newton steps.
+const MAX_STEPS: usize = 20;
+
+/// Number of Newton steps that may raise the potential before the first of them is taken back.
+const MAX_ASCENTS: usize = 3;
+
+/// Displacements below this part of a coordinate are rounding.
+const ROUNDING: f64 = 1e-13;
+
+/// The iteration; its arrays are kept from substep to substep.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Newton {
+    conjugate_gradient: ConjugateGradient,
+    /// The point of the least potential so far.
+    best: Vec<DVec3>,
+    progress: Progress,
+}
+
+/// How far the iteration has come: sums of squares, m², and energies, J.
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    /// Whether it is not solved directly.
+    has_core: bool,
+    /// Of the displacement in free flight.
+    flight: f64,
+    flight_energy: f64,
+    /// Of the displacement by springs, before the Newton step.
+    pulled: f64,
+    pulled_energy: f64,
+    /// Of the Newton step.
+    step: f64,
+    step_energy: f64,
+    /// Of the Newton step before.
+    last_step: f64,
+    /// Of what may be rounding.
+    rounding: f64,
+}
+
+impl Progress {
+    /// Whether the error that is left after the step is small enough.
+    ///
+    /// When each step is q times the one before, those to come add up to step · q / (1 − q). The part
+    /// that is solved directly converges quadratically, so that q is soon small.
+    fn is_enough(&self) -> bool {
+        let ratio = match self.last_step > 0.0 && !self.has_core {
+            true => (self.step / self.last_step).sqrt().min(MAX_RATIO),
+            false => MAX_RATIO,
+        };
+        let left = (ratio / (1.0 - ratio)).powi(2);
+        left * self.step <= TOLERANCE.powi(2) * (self.flight + self.pulled) + self.rounding
+            && left * self.step_energy <= ENERGY_TOLERANCE * (self.flight_energy + self.pulled_energy)
+    }
+}
+
+impl Newton {
+    /// Moves the positions of `system` to the minimum of its potential.
+    ///
+    /// Full steps are best, though the first few may raise the potential: turning a stiff spring
+    /// stretches it a little, until the next step. So up to [`MAX_ASCENTS`] steps may go up; then the
+    /// search goes back to the best point and takes less and less of the step from there. (The watchdog:
+    /// Chamberlain, Powell, Lemarechal and Pedersen, *Math. Programming Study* 16, 1, 1982.)
+    pub fn minimise(&mut self, system: &mut System, elimination: &Elimination) {
+        self.measure_flight(system, elimination);
+        let (mut least, mut ascents, mut share) = (f64::INFINITY, 0, 1.0);
+        for _ in 0..MAX_STEPS {
+            let potential = system.linearise(elimination);
+            // The potential is a sum: it does not show what its rounding hides.
+            if potential <= least + 1e-12 * least.abs() {
+                (least, ascents, share) = (potential, 0, 1.0);
+            } else {
+                if ascents == 0 {
+                    self.keep_best(system, share);
+                }
+                ascents += 1;
+            }
+            if ascents > MAX_ASCENTS {
+                share *= 0.5;
+                system.position.clone_from(&self.best);
+                system.linearise(elimination);
+            }
+            self.conjugate_gradient.solve(system, elimination);
+            self.take_step(system, elimination, share);
+            if share == 1.0 && self.progress.is_enough() {
+                return;
+            }
+        }
+        if ascents > 0 {
+            system.position.clone_from(&self.best);
+        }
+    }
+
+    /// Keeps the point before the last step, of which `share` was taken.
+    fn keep_best(&mut self, system: &System, share: f64) {
+        self.best.clear();
+        self.best.extend(
+            system.position.iter().zip(&system.step).map(|(position, step)| *position - *step * share),
+        );
+    }
+
+    /// The displacements that Newton steps are compared with.
+    fn measure_flight(&mut self, system: &System, elimination: &Elimination) {
+        let mut progress = Progress { has_core: elimination.trees < elimination.free, ..Progress::default() };
+        for node in 0..elimination.free {
+            let flown = system.flight[node].distance_squared(system.step[node]);
+            progress.flight += flown;
+            progress.flight_energy += system.inertia[node] * flown;
+            progress.rounding += ROUNDING * ROUNDING * system.step[node].length_squared();
+        }
+        self.progress = progress;
+    }
+
+    /// Takes `share` of the Newton step, that of the core being known.
+    fn take_step(&mut self, system: &mut System, elimination: &Elimination, share: f64) {
+        let progress = &mut self.progress;
+        (progress.last_step, progress.step, progress.step_energy) =
+            (progress.step, 0.0, system.sums.step_energy);
+        (progress.pulled, progress.pulled_energy) = (system.sums.pulled, system.sums.pulled_energy);
+        for node in (0..elimination.free).rev() {
+            if node < elimination.trees {
+                system.substitute(elimination, node);
+            } else {
+                progress.step_energy += system.right[node].dot(system.step[node]);
+            }
+            let step = system.step[node] * share;
+            system.position[node] += step;
+            progress.step += step.length_squared();
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! The potential that a step minimises, its gradient, and its Hessian as blocks.
+//!
+//! All of it is in f64: a spring of 10⁹ N/m turns the rounding of an f32 position into a force of
+//! hundreds of newtons.
+
+use bevy::math::DVec3;
+
+use super::super::super::elements::{Elements, MAX_ENDS, Potential};
+use super::super::super::graph::{Elimination, Linked};
+use super::super::super::particles::Particles;
+use super::super::super::settings::Field;
+use super::block::Symmetric;
+
+/// Components of corrections below this are cleared, m.
+const NEGLIGIBLE: f64 = 1e-60;
+
+/// An element with its damper during one step.
+#[derive(Debug, Clone, Copy)]
+struct Linearised {
+    potential: Potential,
+    /// The direction where it was linearised last; zero where it had none.
+    direction: DVec3,
+}
+
+/// What an element contributes at a position.
+struct Contribution {
+    /// ½ k (‖s‖ − r)², J.
+    pub energy: f64,
+    /// The pull: the force on an end of weight 1, N.
+    pub force: DVec3,
+    /// Second derivatives along and across its direction, made non-negative, N/m.
+    pub along: f64,
+    pub across: f64,
+}
+
+impl Linearised {
+    fn new(potential: Potential, start: DVec3) -> Self {
+        let length = start.length();
+        Self { potential, direction: if length > 0.0 { start / length } else { DVec3::ZERO } }
+    }
+
+    /// Linearises it at the separation s.
+    ///
+    /// The Hessian of its energy is k d dᵀ + (T/l) (I − d dᵀ) with the tension T and l = ‖s‖. A step that turns the
+    /// element lengthens it, in second order, and a stiff one then seems to be under a tension that the
+    /// next step takes away again; as a stiffness against turning it would only be in the way. So T is
+    /// the tension that the last linearisation predicts for this place: Newton's method for position
+    /// and tension as two unknowns, which converges alike for every stiffness. T < 0 counts as 0, so
+    /// that the Hessian is positive semi-definite.
+    #[inline]
+    fn linearise(&mut self, separation: DVec3) -> Contribution {
+        let Potential { stiffness, rest_length } = self.potential;
+        let squared = separation.length_squared();
+        if squared == 0.0 {
+            self.direction = DVec3::ZERO;
+            let across = if rest_length == 0.0 { stiffness } else { 0.0 };
+            let energy = 0.5 * stiffness * rest_length * rest_length;
+            return Contribution { energy, force: DVec3::ZERO, along: across, across };
+        }
+        let length = squared.sqrt();
+        let inverse_length = 1.0 / length;
+        let predicted_length = match rest_length == 0.0 {
+            true => length,
+            false => self.direction.dot(separation),
+        };
+        let elongation = length - rest_length;
+        self.direction = separation * inverse_length;
+        let tension = stiffness * elongation;
+        let across = stiffness * ((predicted_length - rest_length) * inverse_length).max(0.0);
+        Contribution {
+            energy: 0.5 * tension * elongation,
+            force: self.direction * -tension,
+            along: stiffness,
+            across,
+        }
+    }
+}
+
+/// A node that has been eliminated: its step is `own` + `coupling` · (the step of its parent).
+#[derive(Debug, Clone, Copy, Default)]
+struct Eliminated {
+    own: DVec3,
+    coupling: [DVec3; 3],
+}
+
+/// Sums over the island, as it was linearised.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    /// Σ ‖x − y‖², the displacement by springs, m².
+    pub pulled: f64,
+    /// Σ (m/h² + ν/h) ‖x − y‖², J.
+    pub pulled_energy: f64,
+    /// The energy of the step of the trees, stepᵀ H step, J.
+    pub step_energy: f64,
+}
+
+/// One step's minimisation problem; arrays by node, see [`Elimination`].
+#[derive(Debug, Clone, Default)]
+pub(super) struct System {
+    /// m/h² + ν/h: what holds a node to its free flight, N/m.
+    pub inertia: Vec<f64>,
+    /// Where a node flies without springs, m.
+    pub flight: Vec<DVec3>,
+    /// The present iterate; where pinned particles are at the end of the step, m.
+    pub position: Vec<DVec3>,
+    /// The right side: forces that are not balanced yet, with those of the eliminated nodes below, N.
+    pub right: Vec<DVec3>,
+    /// The diagonal blocks without inertia, N/m.
+    pub diagonal: Vec<Symmetric>,
+    /// The correction of the positions, m; before the first, the positions at the start.
+    pub step: Vec<DVec3>,
+    eliminated: Vec<Eliminated>,
+    pub sums: Sums,
+    /// The elements of two ends, then the compounds.
+    elements: Vec<Linearised>,
+    /// The links within the core.
+    pub links: Vec<Link>,
+    /// The elements of more ends.
+    pub compounds: Vec<Compound>,
+}
+
+/// The stiffness of an element of more than two ends, all of its free ones in the core.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Compound {
+    pub nodes: Linked,
+    pub weights: [f64; MAX_ENDS],
+    pub block: Symmetric,
+}
+
+impl Compound {
+    /// The ends in the core, numbered from 0 there, and their weights.
+    pub fn core_ends(&self, elimination: &Elimination) -> impl Iterator<Item = (usize, f64)> {
+        let core = elimination.trees..elimination.free;
+        let ends = self.nodes.ends().iter().map(|node| *node as usize).zip(self.weights);
+        ends.filter(move |(node, _)| core.contains(node)).map(|(node, weight)| (node - elimination.trees, weight))
+    }
+}
+
+/// The stiffness of an element of the core, N/m.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Link {
+    pub direction: DVec3,
+    pub along: f64,
+    pub across: f64,
+}
+
+impl Link {
+    pub fn block(&self) -> Symmetric {
+        Symmetric::uniaxial(self.direction, self.along, self.across)
+    }
+}
+
+impl System {
+    /// Sets up the step of `h` seconds from the present state of `particles`.
+    pub fn begin(
+        &mut self,
+        elimination: &Elimination,
+        particles: &Particles,
+        elements: &Elements,
+        field: Field,
+        h: f64,
+    ) {
+        let viscosity = f64::from(field.viscosity);
+        for (node, &slot) in elimination.slots.iter().enumerate() {
+            let slot = slot as usize;
+            let start = particles.position.get(slot).as_dvec3();
+            let velocity = particles.velocity.get(slot).as_dvec3();
+            self.step[node] = start;
+            self.position[node] = start + h * velocity;
+            if node < elimination.free {
+                let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
+                self.inertia[node] = mass / (h * h) + viscosity / h;
+                self.flight[node] = start + h * particles.free_velocity(slot, field, h);
+            }
+        }
+        self.elements.clear();
+        for (&element, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
+            let start = self.step[first as usize] - self.step[second as usize];
+            self.elements.push(Linearised::new(elements.potential(element, start, h), start));
+        }
+        self.compounds.clear();
+        for &nodes in &elimination.compounds {
+            let weights = elements.weights(nodes.element);
+            let start = combine(&nodes, weights, &self.step);
+            self.elements.push(Linearised::new(elements.potential(nodes.element, start, h), start));
+            self.compounds.push(Compound { nodes, weights, block: Symmetric::default() });
+        }
+    }
+
+    /// Allocates the nodes of `elimination`.
+    pub fn resize(&mut self, elimination: &Elimination) {
+        let count = elimination.slots.len() + 1;
+        for vectors in [&mut self.flight, &mut self.position, &mut self.right, &mut self.step] {
+            vectors.resize(count, DVec3::ZERO);
+        }
+        self.inertia.resize(count, 0.0);
+        self.diagonal.resize(count, Symmetric::default());
+        self.eliminated.resize(elimination.trees, Eliminated::default());
+    }
+
+    /// Linearises everything at the present positions, and eliminates the trees from the leaves to
+    /// their roots. What remains is the core, whose `right` and `diagonal` are filled in.
+    ///
+    /// Returns the value of the potential there, in J.
+    pub fn linearise(&mut self, elimination: &Elimination) -> f64 {
+        // Those of the trees are emptied as they are eliminated.
+        self.right[elimination.trees..].fill(DVec3::ZERO);
+        self.diagonal[elimination.trees..].fill(Symmetric::default());
+        self.sums = Sums::default();
+        self.step[elimination.free..].fill(DVec3::ZERO);
+        let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
+        core + self.eliminate_trees(elimination)
+    }
+
+    fn linearise_core(&mut self, elimination: &Elimination) -> f64 {
+        let mut energy = 0.0;
+        for node in elimination.trees..elimination.free {
+            let apart = self.position[node] - self.flight[node];
+            let pulled = apart.length_squared();
+            self.sums.pulled += pulled;
+            self.sums.pulled_energy += self.inertia[node] * pulled;
+            energy += 0.5 * self.inertia[node] * pulled;
+            self.right[node] -= self.inertia[node] * apart;
+        }
+        self.links.clear();
+        for (element, &[first, second]) in
+            self.elements.iter_mut().zip(&elimination.ends).skip(elimination.tree_elements())
+        {
+            let (first, second) = (first as usize, second as usize);
+            let found = element.linearise(self.position[first] - self.position[second]);
+            energy += found.energy;
+            self.right[first] += found.force;
+            let link = Link { direction: element.direction, along: found.along, across: found.across };
+            if second >= elimination.free {
+                self.diagonal[first] += link.block();
+            } else {
+                self.right[second] -= found.force;
+                self.links.push(link);
+            }
+        }
+        energy
+    }
+
+    fn linearise_compounds(&mut self, elimination: &Elimination) -> f64 {
+        let mut energy = 0.0;
+        let Self { compounds, elements, position, right, .. } = self;
+        for (compound, element) in compounds.iter_mut().zip(&mut elements[elimination.elements.len()..]) {
+            let found = element.linearise(combine(&compound.nodes, compound.weights, position));
+            energy += found.energy;
+            compound.block = Symmetric::uniaxial(element.direction, found.along, found.across);
+            for (node, weight) in compound.core_ends(elimination) {
+                right[elimination.trees + node] += found.force * weight;
+            }
+        }
+        energy
+    }
+
+    fn eliminate_trees(&mut self, elimination: &Elimination) -> f64 {
+        let mut energy = 0.0;
+        let sums = &mut self.sums;
+        for (node, eliminated) in self.eliminated.iter_mut().enumerate() {
+            let parent = elimination.parents[node] as usize;
+            let position = self.position[node];
+            let inertia = self.inertia[node];
+            let apart = position - self.flight[node];
+            let pulled = apart.length_squared();
+            sums.pulled += pulled;
+            sums.pulled_energy += inertia * pulled;
+            energy += 0.5 * inertia * pulled;
+            let mut right = self.right[node] - inertia * apart;
+            let mut own = self.diagonal[node].plus_diagonal(inertia);
+            let mut link = Symmetric::default();
+            let range = elimination.tree_starts[node] as usize..elimination.tree_starts[node + 1] as usize;
+            for (element, ends) in self.elements[range.clone()].iter_mut().zip(&elimination.ends[range]) {
+                let other = ends[1] as usize;
+                let found = element.linearise(position - self.position[other]);
+                energy += found.energy;
+                right += found.force;
+                let block = Symmetric::uniaxial(element.direction, found.along, found.across);
+                own += block;
+                if other == parent {
+                    link += block;
+                    self.right[parent] -= found.force;
+                }
+            }
+            let factor = own.factor(inertia);
+            let coupling = factor.solve_columns(&link);
+            *eliminated = Eliminated { own: factor.solve(right), coupling };
+            sums.step_energy += right.dot(eliminated.own);
+            (self.right[node], self.diagonal[node]) = Default::default();
+            self.right[parent] += link.times(eliminated.own);
+            self.diagonal[parent] += link;
+            self.diagonal[parent] -= link.symmetric_product(&coupling);
+        }
+        energy
+    }
+
+    /// The step of a tree node, from that of its parent.
+    #[inline]
+    pub fn substitute(&mut self, elimination: &Elimination, node: usize) {
+        let Eliminated { own, coupling: [x, y, z] } = self.eliminated[node];
+        let parent = self.step[elimination.parents[node] as usize];
+        let step = own + x * parent.x + y * parent.y + z * parent.z;
+        // From link to link a step fades, down to subnormal numbers, for which processors take ten times as long.
+        let clear = |component: f64| if component.abs() < NEGLIGIBLE { 0.0 } else { component };
+        self.step[node] = DVec3::new(clear(step.x), clear(step.y), clear(step.z));
+    }
+}
+
+/// Σ cᵢ vᵢ over the ends of an element.
+fn combine(nodes: &Linked, weights: [f64; MAX_ENDS], vectors: &[DVec3]) -> DVec3 {
+    nodes.ends().iter().zip(weights).map(|(node, weight)| vectors[*node as usize] * weight).sum()
+}

@@ -1,0 +1,130 @@
+//! Two schemes in one tick: implicit Euler for the stiff islands, an explicit scheme for all others.
+//!
+//! Implicit Euler changes the velocity, v' = v + h a(x', v'), and then moves with it, x' = x + h v'. So a
+//! long step of it passes through the short substeps of the explicit scheme as a *kick* at its start and
+//! a *glide* at constant velocity:
+//!
+//! ```text
+//! stiff   kick ──────────────► x'   kick ──────────────► x'
+//! soft    │ substep │ substep │     │ substep │ substep │
+//! contacts          ▲         ▲               ▲         ▲
+//! ```
+//!
+//! No element joins the two kinds, and each scheme writes its own particles only, so an island that touches
+//! nothing ends each step where it would without the others, to the bit. What a contact changes on the way is
+//! glided on with, until the next kick.
+
+use bevy::math::Vec3;
+
+use super::super::elements::Elements;
+use super::super::particles::{Particles, Vectors};
+use super::super::settings::Field;
+use super::ImplicitEuler;
+
+/// The motion of the stiff particles within a tick: working memory.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Interleaved {
+    glides: Vec<Glide>,
+}
+
+/// A straight path at constant velocity.
+#[derive(Debug, Clone, Copy, Default)]
+struct Glide {
+    slot: usize,
+    start: Vec3,
+    target: Vec3,
+    velocity: Vec3,
+    /// The change of the velocity by the kick, m/s.
+    kick: Vec3,
+    /// The substep of the long step in which it started.
+    started: u32,
+    /// Where the particle was put last.
+    position: Vec3,
+}
+
+/// Where a substep lies in the long step that it belongs to.
+#[derive(Clone, Copy)]
+pub(in crate::solver) struct Position {
+    /// Substeps of the long step before it.
+    pub done: u32,
+    /// All substeps of the long step.
+    pub count: u32,
+    /// Their duration, s.
+    pub substep: f32,
+}
+
+impl Interleaved {
+    /// To be called before the first substep of a tick.
+    pub fn begin_tick(&mut self, implicit_euler: &ImplicitEuler) {
+        self.glides.clear();
+        self.glides.extend(implicit_euler.slots().map(|slot| Glide { slot, ..Glide::default() }));
+    }
+
+    /// To be called before the explicit scheme advances the others by a substep: kicks the stiff particles when a
+    /// long step begins, and sends those on that a contact has displaced or that have another velocity.
+    pub fn before_substep(
+        &mut self,
+        implicit_euler: &mut ImplicitEuler,
+        elements: &Elements,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        field: Field,
+        Position { done, count, substep }: Position,
+    ) {
+        let left = (count - done) as f32 * substep;
+        if done > 0 {
+            self.glides.iter_mut().for_each(|glide| glide.notice_impact(particles, done, left));
+            return;
+        }
+        for glide in &mut self.glides {
+            glide.started = 0;
+            glide.start = particles.position.get(glide.slot);
+            glide.velocity = particles.velocity.get(glide.slot);
+        }
+        implicit_euler.advance(elements, particles, field, acceleration, left);
+        for glide in &mut self.glides {
+            let velocity = particles.velocity.get(glide.slot);
+            glide.kick = velocity - glide.velocity;
+            glide.velocity = velocity;
+            glide.target = particles.position.get(glide.slot);
+        }
+    }
+
+    /// To be called after the explicit scheme has advanced the others: puts the stiff particles where they are by
+    /// now.
+    pub fn after_substep(
+        &mut self,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        Position { done, count, substep }: Position,
+    ) {
+        for glide in &mut self.glides {
+            glide.position = glide.after(done + 1, count);
+            particles.position.set(glide.slot, glide.position);
+            particles.velocity.set(glide.slot, glide.velocity);
+            // The whole kick falls into the first substep.
+            acceleration.set(glide.slot, if done == 0 { glide.kick / substep } else { Vec3::ZERO });
+        }
+    }
+}
+
+impl Glide {
+    fn notice_impact(&mut self, particles: &Particles, done: u32, left: f32) {
+        let (position, velocity) = (particles.position.get(self.slot), particles.velocity.get(self.slot));
+        if position != self.position || velocity != self.velocity {
+            let target = position + left * velocity;
+            *self = Self { start: position, target, velocity, started: done, ..*self };
+        }
+    }
+
+    /// Where it is after `done` of `count` substeps of the long step.
+    fn after(&self, done: u32, count: u32) -> Vec3 {
+        match done == count {
+            true => self.target,
+            false => {
+                let share = (done - self.started) as f32 / (count - self.started) as f32;
+                self.start.lerp(self.target, share)
+            }
+        }
+    }
+}

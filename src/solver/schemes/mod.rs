@@ -1,0 +1,118 @@
+//! Integration schemes, one a file: how positions and velocities follow from accelerations.
+//!
+//! An explicit scheme advances the particles of the blocks that it is given, and may leave anything in the slots
+//! of others; `interleaved.rs` says how two schemes share a tick.
+
+mod explicit_euler;
+mod implicit_euler;
+mod interleaved;
+mod runge_kutta_4;
+mod second_order_taylor;
+mod semi_implicit_euler;
+mod velocity_verlet;
+mod xpbd;
+
+use super::elements::Elements;
+use super::graph::{Blocks, Colouring};
+use super::kernel::{self, Motion};
+use super::particles::{Particles, Vectors};
+use super::settings::{Field, Integrator};
+pub(super) use implicit_euler::ImplicitEuler;
+pub(super) use interleaved::{Interleaved, Position};
+
+/// What schemes need besides the state: working memory, of which nothing outlasts a tick.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    /// Accelerations of the last evaluation of the forces, m/s².
+    pub acceleration: Vectors,
+    steps: StepVectors,
+    xpbd: xpbd::Xpbd,
+}
+
+/// Vectors that an explicit scheme keeps within its step.
+#[derive(Debug, Clone, Default)]
+struct StepVectors {
+    position: Vectors,
+    velocity: Vectors,
+    position_slope: Vectors,
+    velocity_slope: Vectors,
+    carried: velocity_verlet::Carried,
+}
+
+impl Scratch {
+    /// To be called before the first substep of a tick.
+    pub fn begin_tick(&mut self, particles: usize) {
+        self.acceleration.resize(particles);
+        self.steps.carried = velocity_verlet::Carried::Nothing;
+    }
+
+    /// To be called when contacts have moved particles.
+    pub fn disturb(&mut self) {
+        self.steps.carried.disturb();
+    }
+}
+
+/// What an explicit scheme works on.
+struct Stage<'a> {
+    particles: &'a mut Particles,
+    blocks: &'a Blocks,
+    field: Field,
+    acceleration: &'a mut Vectors,
+    scratch: &'a mut StepVectors,
+}
+
+impl Stage<'_> {
+    /// Evaluates the accelerations at the present state.
+    fn evaluate(&mut self) {
+        kernel::evaluate(Motion::of(self.particles), self.blocks, self.field, self.acceleration);
+    }
+}
+
+/// What all particles have in common in a tick.
+#[derive(Clone, Copy)]
+pub(super) struct Net<'a> {
+    pub elements: &'a Elements,
+    pub blocks: &'a Blocks,
+    pub colouring: &'a Colouring,
+    pub field: Field,
+}
+
+/// Advances positions and velocities by one substep of `substep` seconds of a named `integrator`.
+pub(super) fn advance(
+    integrator: Integrator,
+    net: Net,
+    particles: &mut Particles,
+    scratch: &mut Scratch,
+    implicit_euler: &mut ImplicitEuler,
+    substep: f32,
+) {
+    let Net { elements, blocks, colouring, field } = net;
+    let Scratch { acceleration, steps, xpbd } = scratch;
+    let mut stage = Stage { particles, blocks, field, acceleration, scratch: steps };
+    match integrator {
+        Integrator::ExplicitEuler => explicit_euler::advance(&mut stage, substep),
+        Integrator::Auto | Integrator::SemiImplicitEuler => semi_implicit_euler::advance(&mut stage, substep),
+        Integrator::SecondOrderTaylor => second_order_taylor::advance(&mut stage, substep),
+        Integrator::VelocityVerlet => velocity_verlet::advance(&mut stage, substep),
+        Integrator::RungeKutta4 => runge_kutta_4::advance(&mut stage, substep),
+        Integrator::ImplicitEuler => {
+            implicit_euler.advance(elements, stage.particles, field, stage.acceleration, substep);
+        }
+        Integrator::Xpbd => xpbd.advance(net, colouring, stage.particles, stage.acceleration, substep),
+    }
+}
+
+/// `values` += `factor` · `slopes`.
+fn add_scaled(values: &mut Vectors, factor: f32, slopes: &Vectors) {
+    for (values, slopes) in values.axes_mut().into_iter().zip(slopes.axes()) {
+        for (value, slope) in values.iter_mut().zip(slopes) {
+            *value += factor * slope;
+        }
+    }
+}
+
+/// `values` = `start` + `factor` · `slopes`.
+fn set_to_sum(values: &mut Vectors, start: &Vectors, factor: f32, slopes: &Vectors) {
+    values.copy_from(start);
+    add_scaled(values, factor, slopes);
+}

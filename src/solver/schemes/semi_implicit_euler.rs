@@ -1,0 +1,31 @@
+//! Semi-implicit (symplectic) Euler: v' = v + h a(x, v), x' = x + h v'. First order.
+//!
+//! Symplectic: without damping it conserves an energy that differs from the true one by O(h)
+//! (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, 2006, I.1.2), at the cost of the
+//! explicit scheme.
+
+use super::super::kernel::{self, Accelerate, Advance, Motion, Moved};
+use super::super::parallel;
+use super::Stage;
+
+/// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
+/// want the old one.
+pub(super) fn advance(stage: &mut Stage, substep: f32) {
+    let Stage { particles, blocks, field, acceleration, scratch, .. } = stage;
+    scratch.position.resize(particles.len());
+    scratch.velocity.resize(particles.len());
+    let motion = Motion::of(particles);
+    let moved = blocks.split(scratch.position.axes_mut()).zip(blocks.split(scratch.velocity.axes_mut()));
+    let written = blocks.split(acceleration.axes_mut()).zip(moved);
+    let parts = blocks.blocks.iter().zip(written);
+    parallel::for_each(
+        parts,
+        blocks.are_worth_sharing(),
+        |(block, (acceleration, (position, velocity)))| {
+            let accelerate = Accelerate { block, motion, field: *field, acceleration };
+            kernel::run(Advance { accelerate, substep, moved: Moved { position, velocity } });
+        },
+    );
+    std::mem::swap(&mut particles.position, &mut scratch.position);
+    std::mem::swap(&mut particles.velocity, &mut scratch.velocity);
+}

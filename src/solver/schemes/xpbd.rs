@@ -1,0 +1,163 @@
+//! Extended position-based dynamics: each element in turn draws its ends together. First order; stable for every
+//! substep.
+//!
+//! Macklin, Müller and Chentanez, *XPBD: position-based simulation of compliant constrained dynamics*
+//! (2016), with one iteration over the elements in each substep, as in Macklin et al., *Small steps in physics
+//! simulation* (2019). From where the particles fly without elements, one of stiffness k and damping c, with
+//! weights cᵢ at ends of inverse masses wᵢ, displaces these along the direction d of its separation s by cᵢ wᵢ Δλ:
+//!
+//! Δλ = −(k h² (‖s‖ − l0) + c h d·Δ) / (1 + (k h² + c h) Σ cᵢ² wᵢ)
+//!
+//! where Δ is how much s has changed in this substep. That is equation 26 of the paper with the compliance
+//! α = 1/k and β = c, times k h², so that k may be 0. The elements are solved for one at a time, so a long stiff
+//! net needs many substeps until it is as stiff as they are.
+//!
+//! On many threads each takes blocks of particles, as the forces do: the elements within a block first, then,
+//! in a row, the few between two blocks. In each of these they are ordered by colour.
+
+use bevy::math::{DVec3, Vec3};
+
+use super::super::elements::Elements;
+use super::super::graph::{Colouring, Linked};
+use super::super::parallel;
+use super::super::particles::{Particles, Vectors, set};
+use super::super::settings::Field;
+use super::Net;
+
+/// The particles in f64, one entry a slot: working memory.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Xpbd {
+    /// Positions before the substep, m.
+    start: Vec<DVec3>,
+    /// Velocities without elements, m/s.
+    velocity: Vec<DVec3>,
+    position: Vec<DVec3>,
+    /// How far the elements have displaced each particle, m.
+    displacement: Vec<DVec3>,
+}
+
+/// The particles of one block, or all.
+struct Piece<'a> {
+    /// The first slot.
+    first: usize,
+    start: &'a mut [DVec3],
+    velocity: &'a mut [DVec3],
+    position: &'a mut [DVec3],
+    displacement: &'a mut [DVec3],
+}
+
+impl Xpbd {
+    pub fn advance(
+        &mut self,
+        net: Net,
+        colouring: &Colouring,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        substep: f32,
+    ) {
+        let Net { elements, blocks, field, .. } = net;
+        let h = f64::from(substep);
+        // Even few blocks are worth it: an element costs several times what it does where only forces are computed.
+        let is_shared = blocks.blocks.len() > 1;
+        self.resize(particles.len());
+        let sizes = || blocks.blocks.iter().map(|block| block.slots.len());
+        let within = self.pieces(sizes()).zip(colouring.within_blocks());
+        parallel::for_each(within, is_shared, |(mut piece, listed)| {
+            piece.predict(particles, field, h);
+            piece.solve(listed, elements, particles, h);
+        });
+        for mut all in self.pieces([particles.len()].into_iter()) {
+            all.solve(colouring.between_blocks(), elements, particles, h);
+        }
+        let (position, velocity, inverse_mass, _) = particles.motion_mut();
+        let written = blocks.split(position.axes_mut()).zip(blocks.split(velocity.axes_mut()));
+        let parts = self.pieces(sizes()).zip(written.zip(blocks.split(acceleration.axes_mut())));
+        parallel::for_each(parts, is_shared, |(piece, ((position, velocity), acceleration))| {
+            piece.finish(inverse_mass, [position, velocity, acceleration], h);
+        });
+    }
+
+    fn resize(&mut self, count: usize) {
+        for vectors in [&mut self.start, &mut self.velocity, &mut self.position, &mut self.displacement] {
+            vectors.resize(count, DVec3::ZERO);
+        }
+    }
+
+    /// The particles in consecutive pieces of these sizes.
+    fn pieces(&mut self, sizes: impl Iterator<Item = usize>) -> impl Iterator<Item = Piece<'_>> {
+        let Self { start, velocity, position, displacement } = self;
+        let mut rest = [&mut start[..], &mut velocity[..], &mut position[..], &mut displacement[..]];
+        let mut first = 0;
+        sizes.map(move |size| {
+            let pieces = rest.each_mut().map(|vectors| vectors.split_off_mut(..size));
+            let [start, velocity, position, displacement] =
+                pieces.map(|piece| piece.expect("the pieces are no longer than the vectors"));
+            first += size;
+            Piece { first: first - size, start, velocity, position, displacement }
+        })
+    }
+}
+
+impl Piece<'_> {
+    /// Lets the particles fly, and pinned ones go where they will be.
+    fn predict(&mut self, particles: &Particles, field: Field, h: f64) {
+        self.displacement.fill(DVec3::ZERO);
+        for place in 0..self.start.len() {
+            let slot = self.first + place;
+            let start = particles.position.get(slot).as_dvec3();
+            let velocity = match particles.is_pinned(slot) {
+                false => particles.free_velocity(slot, field, h),
+                true => particles.velocity.get(slot).as_dvec3(),
+            };
+            self.start[place] = start;
+            self.velocity[place] = velocity;
+            self.position[place] = start + h * velocity;
+        }
+    }
+
+    /// Solves for the `listed` elements, one after the other; all their ends are in the piece.
+    fn solve(&mut self, listed: &[Linked], elements: &Elements, particles: &Particles, h: f64) {
+        let inverse_mass = particles.inverse_mass();
+        for linked in listed {
+            let weights = elements.weights(linked.element);
+            let ends = || linked.ends().iter().map(|end| *end as usize).zip(weights);
+            let (mut separation, mut start, mut mobility) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            for (end, weight) in ends() {
+                let place = end - self.first;
+                separation += weight * self.position[place];
+                start += weight * self.start[place];
+                mobility += weight * weight * f64::from(inverse_mass[end]);
+            }
+            let length = separation.length();
+            if length == 0.0 {
+                continue;
+            }
+            let direction = separation / length;
+            let (rates, rest_length) = elements.coefficients(linked.element);
+            let (stiffness, damping) = (f64::from(rates.stiffness) * h * h, f64::from(rates.damping) * h);
+            let pull = stiffness * (length - rest_length) + damping * direction.dot(separation - start);
+            let impulse = direction * (-pull / (1.0 + (stiffness + damping) * mobility));
+            for (end, weight) in ends() {
+                let displacement = impulse * (weight * f64::from(inverse_mass[end]));
+                self.position[end - self.first] += displacement;
+                self.displacement[end - self.first] += displacement;
+            }
+        }
+    }
+
+    /// Writes positions, velocities and accelerations back.
+    fn finish(&self, inverse_mass: &[f32], vectors: [[&mut [f32]; 3]; 3], h: f64) {
+        let [mut position, mut velocity, mut acceleration] = vectors;
+        for place in 0..self.start.len() {
+            if inverse_mass[self.first + place] == 0.0 {
+                set(&mut acceleration, place, Vec3::ZERO);
+                continue;
+            }
+            let old = Vec3::from(velocity.each_ref().map(|axis| axis[place])).as_dvec3();
+            let new = self.velocity[place] + self.displacement[place] / h;
+            set(&mut position, place, self.position[place].as_vec3());
+            set(&mut velocity, place, new.as_vec3());
+            set(&mut acceleration, place, ((new - old) / h).as_vec3());
+        }
+    }
+}

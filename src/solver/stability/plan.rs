@@ -1,0 +1,253 @@
+//! Which scheme advances each island in a tick, and in how many substeps.
+
+use super::super::elements::Elements;
+use super::super::graph::{IslandSet, Islands, for_each_coupling};
+use super::super::particles::Particles;
+use super::super::settings::{Integrator, StepSettings, SubstepMode};
+use super::super::state::Version;
+use super::FrequencyBounds;
+use super::tally::Tally;
+
+/// What a tick runs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Plan {
+    /// The scheme of all particles but those of the stiff islands; never [`Integrator::Auto`] in the plan of a
+    /// tick.
+    pub integrator: Integrator,
+    /// Its substeps.
+    pub substeps: u32,
+    /// The steps that implicit Euler takes with the stiff islands beside it; 0 where one scheme advances all.
+    pub stiff_substeps: u32,
+    /// Number of springs of the stiff islands; 0 where one scheme advances all.
+    pub stiff_springs: usize,
+}
+
+impl From<(Integrator, u32)> for Plan {
+    fn from((integrator, substeps): (Integrator, u32)) -> Self {
+        Self { integrator, substeps, ..Self::default() }
+    }
+}
+
+/// Makes plans; the bounds that they follow from are computed again only when these have changed.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Planner {
+    bounds: FrequencyBounds,
+    bounds_key: Option<Key>,
+    islands: Islands,
+    /// Bounds of each island, and of the free particles in none.
+    island_bounds: (Vec<FrequencyBounds>, FrequencyBounds),
+    island_key: Option<Key>,
+    stiff: IslandSet,
+}
+
+/// What bounds depend on.
+type Key = (Version, Version, Option<Version>, u32);
+
+/// Without viscosity a particle without elements matters to no bound.
+fn key(elements: &Elements, particles: &Particles, viscosity: f32) -> Key {
+    let added = (viscosity > 0.0).then(|| particles.added_version());
+    (elements.rates_version(), particles.mass_version(), added, viscosity.to_bits())
+}
+
+impl Planner {
+    /// The plan of a tick.
+    pub fn plan(&mut self, elements: &Elements, particles: &Particles, settings: &StepSettings) -> Plan {
+        let StepSettings { integrator, substeps, time_step, viscosity, .. } = *settings;
+        let minimum = substeps.minimum();
+        match (integrator, substeps) {
+            (Integrator::Auto, _) => {
+                let bounds = *self.refresh_bounds(elements, particles, viscosity);
+                match bounds.may_divide(time_step, minimum) {
+                    true => self.plan_islands(elements, particles, viscosity, time_step, minimum),
+                    false => bounds.cheapest(time_step, minimum).into(),
+                }
+            }
+            (named, SubstepMode::Fixed(_)) => (named, minimum).into(),
+            (named, SubstepMode::Auto) => {
+                let bounds = self.refresh_bounds(elements, particles, viscosity);
+                (named, bounds.auto_substeps(named, time_step)).into()
+            }
+        }
+    }
+
+    /// Bounds on the whole net in a medium of `viscosity` N·s/m.
+    pub fn refresh_bounds(
+        &mut self,
+        elements: &Elements,
+        particles: &Particles,
+        viscosity: f32,
+    ) -> &FrequencyBounds {
+        let key = Some(key(elements, particles, viscosity));
+        if self.bounds_key != key {
+            self.bounds_key = key;
+            self.bounds = FrequencyBounds::of(elements, particles, viscosity);
+        }
+        &self.bounds
+    }
+
+    /// The islands of the present elements.
+    pub fn refresh_islands(&mut self, elements: &Elements, particles: &Particles) -> &Islands {
+        if self.islands.refresh(elements, particles) {
+            self.island_key = None;
+        }
+        &self.islands
+    }
+
+    /// The islands, and those of them that the last plan has found to be stiff.
+    pub fn stiff_islands(&self) -> (&Islands, &IslandSet) {
+        (&self.islands, &self.stiff)
+    }
+
+    fn refresh_island_bounds(&mut self, elements: &Elements, particles: &Particles, viscosity: f32) {
+        self.refresh_islands(elements, particles);
+        let key = Some(key(elements, particles, viscosity));
+        if self.island_key == key {
+            return;
+        }
+        self.island_key = key;
+        let islands = &self.islands;
+        let mut tallies = vec![Tally::default(); islands.all().len()];
+        let mut others = Tally::default();
+        for (slot, inverse_mass) in particles.inverse_mass().iter().enumerate() {
+            let tally = islands.of(slot).map_or(&mut others, |island| &mut tallies[island]);
+            tally.add_particle(*inverse_mass);
+        }
+        for_each_coupling(elements, particles, |coupling| {
+            if let Some(island) = islands.of(coupling.free_slot) {
+                tallies[island].add_coupling(&coupling);
+            }
+        });
+        let bounds = tallies.iter().zip(islands.all());
+        let bounds = bounds.map(|(tally, island)| tally.bounds(viscosity, island.has_loops));
+        self.island_bounds = (bounds.collect(), others.bounds(viscosity, false));
+    }
+
+    /// What takes a tick of `time_step` seconds through well at the least cost, with `minimum` substeps at
+    /// least. Where all islands want the same, what is [cheapest](FrequencyBounds::cheapest) for the whole net
+    /// is chosen.
+    fn plan_islands(
+        &mut self,
+        elements: &Elements,
+        particles: &Particles,
+        viscosity: f32,
+        time_step: f32,
+        minimum: u32,
+    ) -> Plan {
+        let last_key = self.island_key;
+        self.refresh_island_bounds(elements, particles, viscosity);
+        let (bounds, others) = &self.island_bounds;
+        let is_stiff = |bounds: &FrequencyBounds| bounds.is_stiff(time_step, minimum);
+        let (others_are_stiff, mut has_loops) = (is_stiff(others), false);
+        let (mut stiff, mut soft, mut stiff_springs) = (usize::from(others_are_stiff), 0, 0);
+        let mut explicit = minimum;
+        if !others_are_stiff {
+            explicit = explicit.max(others.verlet_substeps(time_step));
+        }
+        for (bounds, island) in bounds.iter().zip(self.islands.all()) {
+            if is_stiff(bounds) {
+                stiff += 1;
+                stiff_springs += island.elements;
+                has_loops |= bounds.has_loops;
+            } else {
+                soft += 1;
+                explicit = explicit.max(bounds.verlet_substeps(time_step));
+            }
+        }
+        let whole = &self.bounds;
+        if soft == 0 {
+            return whole.cheapest(time_step, minimum).into();
+        }
+        if stiff == 0 {
+            let together = whole.cheapest(time_step, minimum);
+            let is_explicit = together.0 != Integrator::ImplicitEuler;
+            return if is_explicit { together } else { (Integrator::VelocityVerlet, explicit) }.into();
+        }
+        self.stiff.set(bounds.iter().map(is_stiff), others_are_stiff, last_key != self.island_key);
+        let implicit =
+            FrequencyBounds { has_loops, ..*whole }.auto_substeps(Integrator::ImplicitEuler, time_step);
+        let stiff_substeps = implicit.max(minimum);
+        let substeps = explicit.next_multiple_of(stiff_substeps);
+        Plan { integrator: Integrator::VelocityVerlet, substeps, stiff_substeps, stiff_springs }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use bevy::math::Vec3;
+
+    use super::super::super::elements::Spring;
+    use super::*;
+
+    const TIME_STEP: f32 = 1.0 / 64.0;
+
+    /// ω = 890 rad/s at 1 kg, which takes 10 substeps of velocity Verlet: hω <= 1.4.
+    const SOFT: f32 = 792_100.0;
+
+    /// 1000 substeps.
+    const STIFF: f32 = 7.921e9;
+
+    /// Springs as (first, second, stiffness, damping).
+    pub fn net(inverse_mass: &[f32], springs: &[(u32, u32, f32, f32)]) -> (Elements, Particles) {
+        let (mut elements, mut particles) = (Elements::default(), Particles::default());
+        inverse_mass.iter().for_each(|inverse| particles.push(Vec3::ZERO, Vec3::ZERO, *inverse, 0.0));
+        for &(first, second, stiffness, damping) in springs {
+            elements.push([first, second], Spring { rest_length: 1.0, stiffness, damping });
+        }
+        (elements, particles)
+    }
+
+    /// The plan, and the slots of the stiff islands where it divides the net.
+    fn plan(inverse_mass: &[f32], springs: &[(u32, u32, f32)], viscosity: f32) -> (Plan, Vec<usize>) {
+        let springs: Vec<_> = springs.iter().map(|&(a, b, stiffness)| (a, b, stiffness, 0.0)).collect();
+        let (elements, particles) = net(inverse_mass, &springs);
+        let mut planner = Planner::default();
+        let settings = StepSettings { time_step: TIME_STEP, viscosity, ..StepSettings::default() };
+        let plan = planner.plan(&elements, &particles, &settings);
+        let (islands, stiff) = planner.stiff_islands();
+        let slots = (0..particles.len()).filter(|slot| stiff.contains(islands, &particles, *slot));
+        (plan, if plan.stiff_substeps > 0 { slots.collect() } else { Vec::new() })
+    }
+
+    #[test]
+    fn a_pinned_particle_connects_nothing() {
+        // 1 and 2 hang on 0, 1 by a soft spring; 3 is alone.
+        let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0], &[(0, 1, SOFT), (0, 2, STIFF)], 0.0);
+        // 10 substeps, rounded up to a multiple of 4.
+        let (integrator, substeps) = (Integrator::VelocityVerlet, 12);
+        assert_eq!(plan, Plan { integrator, substeps, stiff_substeps: 4, stiff_springs: 1 });
+        assert_eq!(stiff, [2]);
+    }
+
+    #[test]
+    fn springs_that_join_free_particles_make_all_of_them_stiff() {
+        let springs = [(0, 1, SOFT), (1, 2, 1.0), (2, 3, STIFF)];
+        assert_eq!(plan(&[0.0, 1.0, 1.0, 1.0], &springs, 0.0).0, (Integrator::ImplicitEuler, 4).into());
+        // A spring that exerts no force joins nothing.
+        let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0], &[(0, 1, SOFT), (1, 2, 0.0), (2, 3, STIFF)], 0.0);
+        assert_eq!((plan.integrator, stiff), (Integrator::VelocityVerlet, vec![2, 3]));
+    }
+
+    #[test]
+    fn where_all_agree_the_whole_net_decides() {
+        let soft = plan(&[0.0, 1.0, 1.0], &[(0, 1, SOFT), (0, 2, 1.0)], 0.0);
+        assert_eq!(soft, ((Integrator::VelocityVerlet, 10).into(), vec![]));
+        // A particle without springs goes with those that have some.
+        let stiff = plan(&[0.0, 1.0, 1.0, 1.0], &[(0, 1, STIFF), (0, 2, STIFF)], 0.0);
+        assert_eq!(stiff.0, (Integrator::ImplicitEuler, 4).into());
+    }
+
+    #[test]
+    fn a_stiff_sheet_takes_the_steps_of_sheets() {
+        let springs = [(0, 1, SOFT), (2, 3, STIFF), (3, 4, STIFF), (4, 2, STIFF)];
+        let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0, 1.0], &springs, 0.0);
+        assert_eq!((plan.substeps, plan.stiff_substeps, plan.stiff_springs), (10, 2, 3));
+        assert_eq!(stiff, [2, 3, 4]);
+    }
+
+    #[test]
+    fn what_the_medium_stops_at_once_is_stiff_too() {
+        let (plan, stiff) = plan(&[0.0, 1.0, 1e6], &[(0, 1, 1.0)], 0.1);
+        assert_eq!((plan.substeps, stiff), (4, vec![2]));
+    }
+}

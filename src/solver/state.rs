@@ -1,0 +1,142 @@
+//! Exactly what the next ticks depend on, and nothing else: what a snapshot holds.
+//!
+//! All that is derived from it (the graph, plans, candidate pairs, working memory) are caches, pure functions of
+//! the state: with all of them dropped before each tick the results have the same bits. A cache remembers the
+//! [`Version`] of what it was derived from, and compares.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use bevy::math::Vec3;
+
+use super::collision::ContactMemory;
+use super::elements::{Elements, Spring};
+use super::particles::Particles;
+
+/// Marks contents: what has the same version is the same.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Version(u64);
+
+impl Version {
+    /// One that nothing else ever had in this process.
+    pub fn new() -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        Self(NEXT.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+/// A version means nothing to another process: it is written as nothing, and read as a new one.
+#[cfg(feature = "serialize")]
+mod serialization {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::Version;
+
+    impl Serialize for Version {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            serializer.serialize_unit()
+        }
+    }
+
+    impl<'de> Deserialize<'de> for Version {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            <()>::deserialize(deserializer).map(|()| Self::new())
+        }
+    }
+}
+
+/// The state of a simulation between two ticks: particles, elements, and what contacts remember.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub struct State {
+    pub(crate) particles: Particles,
+    pub(super) elements: Elements,
+    pub(super) contacts: ContactMemory,
+}
+
+impl State {
+    /// Removes everything.
+    pub(crate) fn clear(&mut self) {
+        self.particles.clear();
+        self.elements.clear();
+        self.contacts.forget();
+    }
+
+    /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg (0: pinned), radius in m.
+    pub(crate) fn add_particle(&mut self, position: Vec3, velocity: Vec3, inverse_mass: f32, radius: f32) {
+        self.particles.push(position, velocity, inverse_mass, radius);
+        self.contacts.request_search();
+    }
+
+    /// Empties the slot of a particle. Its springs are to be removed, too.
+    pub(crate) fn remove_particle(&mut self, slot: usize) {
+        self.particles.vacate(slot);
+        self.contacts.forget_particle(slot);
+        self.contacts.request_search();
+    }
+
+    /// Changes the inverse mass (1/kg; 0: pinned) and the radius (m) of a particle, where they are others.
+    pub(crate) fn set_particle(&mut self, slot: usize, inverse_mass: f32, radius: f32) {
+        if self.particles.inverse_mass()[slot] != inverse_mass {
+            self.particles.set_inverse_mass(slot, inverse_mass);
+            self.contacts.request_search();
+        }
+        if self.particles.radius()[slot] != radius {
+            self.particles.set_radius(slot, radius);
+            self.contacts.request_search();
+        }
+    }
+
+    /// Puts a particle somewhere else, without a motion from where it was.
+    pub(crate) fn teleport(&mut self, slot: usize, position: Vec3) {
+        self.particles.position.set(slot, position);
+        self.contacts.forget_particle(slot);
+    }
+
+    /// Appends a spring between the slots `ends`, which differ; its index.
+    pub(crate) fn add_spring(&mut self, ends: [usize; 2], spring: Spring) -> usize {
+        self.contacts.request_search();
+        self.elements.push(ends.map(|end| end as u32), spring)
+    }
+
+    /// Removes a spring; its place stays empty.
+    pub(crate) fn remove_spring(&mut self, index: usize) {
+        self.elements.remove::<Spring, 2>(index);
+        self.contacts.request_search();
+    }
+
+    /// Changes the parameters of a spring, if they are others.
+    pub(crate) fn set_spring(&mut self, index: usize, spring: Spring) {
+        if self.spring(index) != Some(&spring) {
+            self.elements.set(index, spring);
+            self.contacts.request_search();
+        }
+    }
+
+    /// The parameters of a spring; `None` beyond the last one. Those of an empty place are zero.
+    pub(crate) fn spring(&self, index: usize) -> Option<&Spring> {
+        self.elements.springs().element(index)
+    }
+
+    /// Whether a spring joins the particles in these slots, in this order.
+    pub(crate) fn spring_joins(&self, index: usize, ends: [usize; 2]) -> bool {
+        self.elements.springs().joins(index, ends.map(|end| end as u32))
+    }
+
+    /// The number of springs, removed ones included.
+    pub(crate) fn spring_count(&self) -> usize {
+        self.elements.springs().len()
+    }
+
+    /// The ends and parameters of a spring, for readers outside the solver.
+    pub(super) fn spring_with_ends(&self, index: usize) -> ([usize; 2], Spring) {
+        self.elements.springs().with_ends(index)
+    }
+
+    /// Moves each particle to the slot `new_slots[old]`.
+    pub(crate) fn renumber(&mut self, new_slots: &[u32]) {
+        self.particles.renumber(new_slots);
+        self.elements.renumber(new_slots);
+        let new_slots: Vec<Option<u32>> = new_slots.iter().map(|slot| Some(*slot)).collect();
+        self.contacts.renumber(&new_slots, new_slots.len());
+    }
+}

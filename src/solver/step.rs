@@ -1,0 +1,178 @@
+//! A tick: plan → substeps → outputs.
+
+use bevy::math::Vec3;
+
+use super::collision::{ContactCaches, Plane, Substep};
+use super::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
+use super::outputs::Outputs;
+use super::particles::Particles;
+use super::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
+use super::settings::{Integrator, StepSettings};
+use super::stability::{FrequencyBounds, Plan, Planner};
+use super::state::{State, Version};
+
+/// What moves the particles and planes in a tick, apart from the physics.
+#[derive(Debug, Clone, Default)]
+pub struct Inputs {
+    /// Where each pinned particle goes; one that is not listed moves at its velocity.
+    pub pinned: Vec<PinnedMotion>,
+    /// The planes.
+    pub planes: Vec<Plane>,
+}
+
+/// The prescribed motion of a pinned particle in one tick: a straight line at constant velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PinnedMotion {
+    /// Slot of the particle, which is pinned.
+    pub slot: usize,
+    /// Position at the start of the tick, m.
+    pub start: Vec3,
+    /// Position at the end of the tick, m, reached exactly.
+    pub target: Vec3,
+}
+
+/// All that is derived from the state, and working memory. New ones give the same results.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Caches {
+    planner: Planner,
+    neighbours: Neighbours,
+    blocks: Blocks,
+    colouring: Colouring,
+    implicit_euler: ImplicitEuler,
+    interleaved: Interleaved,
+    scratch: Scratch,
+    contacts: ContactCaches,
+}
+
+/// Advances `state` by one tick of `settings.time_step` seconds.
+///
+/// Never panics on values: what overflows becomes non-finite, and is the caller's to find.
+pub(crate) fn step(
+    state: &mut State,
+    inputs: &Inputs,
+    caches: &mut Caches,
+    outputs: &mut Outputs,
+    settings: &StepSettings,
+) {
+    state.elements.settle(state.particles.inverse_mass());
+    let plan = caches.plan(state, settings);
+    outputs.begin_tick(plan);
+    caches.prepare(state, plan);
+    for motion in &inputs.pinned {
+        state.particles.position.set(motion.slot, motion.start);
+        state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
+    }
+    let duration = settings.time_step / plan.substeps as f32;
+    for index in 0..plan.substeps {
+        caches.contacts.begin_substep(&state.particles.position, &inputs.planes, settings);
+        caches.advance(state, settings, plan, index, duration);
+        let elapsed = if index + 1 == plan.substeps { 1.0 } else { (index + 1) as f32 / plan.substeps as f32 };
+        for motion in &inputs.pinned {
+            motion.move_particle(&mut state.particles, elapsed, settings.time_step);
+        }
+        let substep = Substep {
+            elements: &state.elements,
+            planes: &inputs.planes,
+            acceleration: &caches.scratch.acceleration,
+            settings,
+            integrator: plan.integrator,
+            duration,
+            elapsed,
+        };
+        let records = outputs.record_contacts.then_some(&mut outputs.contacts);
+        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
+        if caches.contacts.count() > 0 {
+            caches.scratch.disturb();
+        }
+    }
+    caches.contacts.end_tick(&mut state.contacts);
+    state.particles.position.clear_negligible();
+    state.particles.velocity.clear_negligible();
+    outputs.contact_count = caches.contacts.count();
+    outputs.end_tick(&state.elements, &state.particles);
+}
+
+impl PinnedMotion {
+    /// Puts the particle where it is after the fraction `elapsed` of a tick of `time_step` seconds.
+    fn move_particle(&self, particles: &mut Particles, elapsed: f32, time_step: f32) {
+        let Self { slot, start, target } = *self;
+        particles.position.set(slot, if elapsed == 1.0 { target } else { start.lerp(target, elapsed) });
+        particles.velocity.set(slot, (target - start) / time_step);
+    }
+}
+
+impl Caches {
+    /// What a tick with these settings would run.
+    pub fn plan(&mut self, state: &State, settings: &StepSettings) -> Plan {
+        self.planner.plan(&state.elements, &state.particles, settings)
+    }
+
+    /// Bounds on the frequencies of the whole net in a medium of `viscosity` N·s/m.
+    pub fn frequency_bounds(&mut self, state: &State, viscosity: f32) -> FrequencyBounds {
+        *self.planner.refresh_bounds(&state.elements, &state.particles, viscosity)
+    }
+
+    /// The springs that end in a particle.
+    pub fn springs_at(&self, state: &State, slot: usize) -> Vec<usize> {
+        self.blocks.springs_at(&state.elements, slot)
+    }
+
+    /// The particles in a better order, if theirs is bad: the present slot of each place.
+    pub fn better_order(&mut self, state: &State) -> Option<Vec<u32>> {
+        let islands = self.planner.refresh_islands(&state.elements, &state.particles);
+        better_order(&state.elements, &state.particles, &mut self.neighbours, islands)
+    }
+
+    /// Derives what the schemes of a tick need.
+    fn prepare(&mut self, state: &mut State, plan: Plan) {
+        let State { particles, elements, .. } = state;
+        self.scratch.begin_tick(particles.len());
+        let is_divided = plan.stiff_substeps > 0;
+        if is_divided || plan.integrator == Integrator::ImplicitEuler {
+            self.planner.refresh_islands(elements, particles);
+            let (islands, stiff) = self.planner.stiff_islands();
+            self.implicit_euler.prepare(elements, particles, islands, is_divided.then_some(stiff));
+        }
+        if is_divided {
+            self.interleaved.begin_tick(&self.implicit_euler);
+        }
+        if plan.integrator == Integrator::ImplicitEuler {
+            elements.reset_edits();
+            return;
+        }
+        let (islands, stiff) = self.planner.stiff_islands();
+        let excluded = if is_divided { IslandSet::version(stiff) } else { Version::default() };
+        let is_excluded = |slot: usize| is_divided && stiff.contains(islands, particles, slot);
+        self.blocks.refresh(elements, particles, (excluded, is_excluded));
+        if plan.integrator == Integrator::Xpbd {
+            self.colouring.refresh(elements, particles, &self.blocks);
+        }
+    }
+
+    /// Advances all particles by the substep of this `index`, of `substep` seconds.
+    fn advance(
+        &mut self,
+        state: &mut State,
+        settings: &StepSettings,
+        plan: Plan,
+        index: u32,
+        substep: f32,
+    ) {
+        let State { particles, elements, .. } = state;
+        let field = settings.field();
+        let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
+        let position = (plan.stiff_substeps > 0).then(|| {
+            let count = plan.substeps / plan.stiff_substeps;
+            Position { done: index % count, count, substep }
+        });
+        if let Some(position) = position {
+            let acceleration = &mut scratch.acceleration;
+            interleaved.before_substep(implicit_euler, elements, particles, acceleration, field, position);
+        }
+        let net = Net { elements, blocks, colouring, field };
+        schemes::advance(plan.integrator, net, particles, scratch, implicit_euler, substep);
+        if let Some(position) = position {
+            interleaved.after_substep(particles, &mut scratch.acceleration, position);
+        }
+    }
+}
