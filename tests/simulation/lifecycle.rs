@@ -1,10 +1,9 @@
 //! Particles and springs that come, go and change while the app runs.
 
-mod common;
-
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// A pinned particle at the origin and a free one of 1 kg at x = 2 m, on a spring of length 1 m.
 fn stretched_pair(app: &mut App, stiffness: f32) -> (Entity, Entity, Entity) {

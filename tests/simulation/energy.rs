@@ -1,7 +1,5 @@
 //! Conserved and bounded quantities: energy of each scheme, and momentum.
 
-mod common;
-
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
 

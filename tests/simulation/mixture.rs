@@ -1,11 +1,10 @@
 //! `Auto` with soft and stiff things in one scene: each component goes by its own scheme, as if it were
 //! alone.
 
-mod common;
-
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::{TICK, app, bits, hash, join, position, report, run, spawn, spawn_pinned};
+
+use crate::common::{self, TICK, app, bits, hash, join, position, report, run, spawn, spawn_pinned};
 
 const GRAVITY: f64 = 9.81;
 

@@ -1,12 +1,11 @@
 //! Anchors that somebody moves, and particles with parents.
 
-mod common;
-
 use std::f32::consts::FRAC_PI_2;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// An app without gravity and collisions, with 4 substeps of semi-implicit Euler.
 fn plain_app() -> App {

@@ -1,8 +1,6 @@
 //! Particles with a prescribed motion, in the pure solver: where they are in each substep, and what
 //! springs and dampers see of it.
 
-mod common;
-
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{PinnedMotion, Scheme, SolverState, StepSettings, step};
 

@@ -2,13 +2,12 @@
 //!
 //! The log belongs to the process, so each test here holds [`Logged`] from its first line on.
 
-mod common;
-
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Scheme;
-use common::logged::Logged;
-use common::*;
+
+use crate::common::logged::Logged;
+use crate::common::*;
 
 struct Patient {
     app: App,

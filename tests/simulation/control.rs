@@ -1,11 +1,10 @@
 //! Switches, pause, single steps, restart, and what a tick publishes.
 
-mod common;
-
 use bevy::diagnostic::{DiagnosticPath, DiagnosticsStore};
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// Changes a resource.
 fn change<R: Resource<Mutability = bevy::ecs::component::Mutable>>(app: &mut App, edit: impl FnOnce(&mut R)) {

@@ -1,10 +1,9 @@
 //! What lies, lies: balls and a column at rest, and Coulomb friction beside its closed forms.
 
-mod common;
-
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{PairRules, Plane, Scheme, SolverState, StepSettings, step};
-use common::bodies::{Ball, GRAVITY, falling, position, velocity, with_ground, world};
+
+use crate::common::bodies::{Ball, GRAVITY, falling, position, velocity, with_ground, world};
 
 /// The largest relative error of one f32 rounding.
 const ROUNDING: f32 = f32::EPSILON / 2.0;

@@ -1,11 +1,10 @@
 //! The lab's physics end to end: components in, components out, under the default settings.
 
-mod common;
-
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// Fifteen particles of 1 kg hang below an anchor. At rest each spring carries what hangs below it,
 /// whatever the scheme and its step: k Δl = n m g. Lengths of 16 m are rounded by 1e-6 m, 0.002 % of the

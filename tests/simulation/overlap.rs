@@ -1,14 +1,13 @@
 //! Balls that springs draw into each other: where they collide, and that no energy comes of it.
 
-mod common;
-
 use bevy::math::Vec3;
 use bevy::prelude::{Entity, World};
 use bevy_mass_spring::prelude::{CollisionSettings, ParticleVelocity, Spring};
 use bevy_mass_spring::solver::stability::FrequencyBounds;
 use bevy_mass_spring::solver::{PairRules, Scheme, SolverState, StepSettings, energy, step};
-use common::bodies::{Ball, GRAVITY, floating, position, velocity, world};
-use common::{app, join, plain, run, spawn};
+
+use crate::common::bodies::{Ball, GRAVITY, floating, position, velocity, world};
+use crate::common::{self, app, join, plain, run, spawn};
 
 /// The chain of `assets/scenes/chain.scene.ron` with other radii.
 fn chain(radius: f32) -> SolverState {

@@ -1,12 +1,11 @@
 //! What backward Euler is for: stiff springs, large ratios of masses, one step a tick.
 
-mod common;
-
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::SolverSettings;
 use bevy_mass_spring::solver::stability::FrequencyBounds;
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
-use common::reference::Reference;
+
+use crate::common::reference::Reference;
 
 const GRAVITY: f64 = 9.81;
 

@@ -2,12 +2,11 @@
 //!
 //! The log belongs to the process, so each test here holds [`Logged`] from its first line on.
 
-mod common;
-
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::logged::Logged;
-use common::*;
+
+use crate::common::logged::Logged;
+use crate::common::*;
 
 /// A chain of five hanging from a pinned particle, away from everything that the tests do.
 fn bystanders(app: &mut App) -> Vec<Entity> {

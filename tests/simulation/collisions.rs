@@ -1,11 +1,12 @@
 //! Impacts in the pure solver beside their closed forms: restitution, shared momentum, who moves.
 
-mod common;
-
 use bevy::math::{Quat, Vec3, Vec3Swizzles};
 use bevy_mass_spring::solver::contacts::{ContactPartner, Plane, Pose};
 use bevy_mass_spring::solver::{PairRules, Scheme, SolverState, StepSettings, energy, step};
-use common::bodies::{Ball, falling, floating, position, step_past_contact, velocity, with_ground, world};
+
+use crate::common::bodies::{
+    Ball, falling, floating, position, step_past_contact, velocity, with_ground, world,
+};
 
 /// The heights above the ground of the first `count` peaks of a ball dropped from 1 m.
 fn peaks(settings: &StepSettings, restitution: f32, count: usize) -> Vec<f32> {

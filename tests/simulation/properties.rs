@@ -1,14 +1,13 @@
 //! Properties of random nets: whatever their shape, masses and springs, they hold.
 
-mod common;
-
 use bevy::math::{DVec3, Vec3};
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::stability::FrequencyBounds;
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
-use common::{app, hash, run};
 use proptest::prelude::*;
+
+use crate::common::{self, app, hash, run};
 
 /// The largest relative error of one f32 rounding.
 const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
