@@ -14,7 +14,7 @@ pub fn run(scene: &MassSpringScene, seconds: f64) -> ExitCode {
         MinimalPlugins,
         TransformPlugin,
         bevy::diagnostic::DiagnosticsPlugin,
-        MassSpringPlugin::default(),
+        MassSpringPlugin::default().physics_only(),
         MassSpringDiagnosticsPlugin,
     ))
     .insert_resource(TimeUpdateStrategy::FixedTimesteps(1));

@@ -1,7 +1,7 @@
 //! Picks particles with the pointer and drags them.
 //!
 //! `picking` is a backend of Bevy's picking that needs no meshes; `grip` follows the pointer. This
-//! room owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves particles as any game
+//! module owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves particles as any game
 //! could, pinned ones by their `Transform` and free ones by their `AppliedForce`, and knows nothing of
 //! the solver.
 
@@ -9,13 +9,11 @@ mod grip;
 mod picking;
 
 use bevy::app::Plugin;
-use bevy::ecs::intern::Interned;
-use bevy::ecs::schedule::ScheduleLabel;
 use bevy::input::InputSystems;
 use bevy::picking::{InteractionPlugin, PickingSystems};
 use bevy::prelude::*;
 
-use crate::MassSpringSystems;
+use crate::schedule::{MassSpringSystems, simulation_schedule};
 
 /// Lets the pointer drag particles.
 ///
@@ -30,34 +28,18 @@ use crate::MassSpringSystems;
 /// `MassSpringGizmosPlugin` (feature `gizmos`) finds it to draw a ring. Anything that
 /// covers the scene for Bevy's picking, such as an egui panel, covers the particles as well.
 ///
-/// Add it after `DefaultPlugins`. In an app without Bevy's picking it does nothing.
+/// In an app without Bevy's picking, which is part of `DefaultPlugins`, it does nothing.
 ///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_mass_spring::prelude::*;
 /// # let mut app = App::new();
 /// # app.add_plugins(MinimalPlugins);
-/// app.add_plugins((MassSpringPlugin::default(), ParticleDragPlugin::default()));
+/// app.add_plugins((MassSpringPlugin::default(), ParticleDragPlugin));
 /// # app.update();
 /// ```
-#[derive(Debug, Clone)]
-pub struct ParticleDragPlugin {
-    schedule: Interned<dyn ScheduleLabel>,
-}
-
-impl Default for ParticleDragPlugin {
-    fn default() -> Self {
-        Self::new(FixedPostUpdate)
-    }
-}
-
-impl ParticleDragPlugin {
-    /// Pulls free particles in `schedule`, which must be that of
-    /// [`MassSpringPlugin`](crate::MassSpringPlugin).
-    pub fn new(schedule: impl ScheduleLabel) -> Self {
-        Self { schedule: schedule.intern() }
-    }
-}
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ParticleDragPlugin;
 
 impl Plugin for ParticleDragPlugin {
     fn build(&self, app: &mut App) {
@@ -66,6 +48,10 @@ impl Plugin for ParticleDragPlugin {
             ParticleDragSettings,
             DragAnchor,
         )>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(schedule) = simulation_schedule(app) else { return };
         if !app.is_plugin_added::<InteractionPlugin>() {
             return;
         }
@@ -81,7 +67,7 @@ impl Plugin for ParticleDragPlugin {
                 ),
             )
             .add_systems(
-                self.schedule,
+                schedule,
                 (
                     grip::pull_particle.before(MassSpringSystems::Gather),
                     grip::take_back_pull.after(MassSpringSystems::Scatter),

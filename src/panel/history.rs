@@ -73,8 +73,8 @@ impl History {
     }
 }
 
-/// A tick counter that runs backwards means a restart: the past is forgotten.
-pub(super) fn forget_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
+/// A tick counter that runs backwards means a restart: the history is cleared.
+pub(super) fn reset_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
     if report.tick < history.last_tick {
         *history = History { last_tick: report.tick, ..default() };
     }

@@ -36,8 +36,7 @@ mod reader;
 mod spawn;
 mod validate;
 
-pub use asset::{MassSpringSceneLoader, MassSpringSceneRoot};
-pub(crate) use asset::{finish, plugin};
+pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
 pub use description::{
     MassSpringScene, SceneCollisions, SceneEnvironment, SceneParticle, ScenePlane, SceneSolver, SceneSpring,
 };

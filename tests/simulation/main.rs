@@ -15,6 +15,7 @@ mod mixture;
 mod overlap;
 mod physics;
 mod pinning;
+mod plugins;
 mod prescribed;
 mod properties;
 mod resting;

@@ -12,15 +12,10 @@ use bevy_mass_spring::scene::{SceneParticle, SpawnedScene};
 
 /// The viewer, on top of `DefaultPlugins` and a [`FirstScene`].
 pub fn plugin(app: &mut App) {
-    app.add_plugins((
-        MassSpringPlugin::default(),
-        MassSpringGizmosPlugin,
-        ParticleDragPlugin::default(),
-        MassSpringPanelPlugin,
-    ))
-    .add_plugins((stage::plugin, looks::plugin, controls::plugin, overlay::plugin))
-    .add_systems(PreStartup, open_first_scene)
-    .add_systems(First, lay_out);
+    app.add_plugins(MassSpringPlugins::default())
+        .add_plugins((stage::plugin, looks::plugin, controls::plugin, overlay::plugin))
+        .add_systems(PreStartup, open_first_scene)
+        .add_systems(First, lay_out);
 }
 
 /// The scene that is open at the start.

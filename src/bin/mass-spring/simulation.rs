@@ -57,7 +57,7 @@ impl Simulation {
                 .build()
                 .disable::<ScheduleRunnerPlugin>()
                 .set(TaskPoolPlugin { task_pool_options }),
-            MassSpringPlugin::default().with_interpolation(false),
+            MassSpringPlugin::default().physics_only(),
         ))
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
         scene.apply_settings(app.world_mut());
