@@ -16,6 +16,8 @@ use crate::schedule::{MassSpringSystems, simulation_schedule, time_advances};
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct Measurements {
     /// Σ ½ m v², J.
     pub kinetic_energy: f64,

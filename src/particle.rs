@@ -14,6 +14,7 @@ use crate::parameter::{self, InvalidParameter};
 #[derive(Component, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[require(Transform, ParticleVelocity)]
 pub struct Particle {
     /// Mass in kg, finite and > 0. Default 1.
@@ -52,6 +53,7 @@ impl Default for Particle {
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Deref, DerefMut)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct ParticleVelocity(pub Vec3);
 
 /// Gives a particle infinite mass: no force and no contact moves it.
@@ -62,6 +64,7 @@ pub struct ParticleVelocity(pub Vec3);
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Pinned;
 
 /// A force in N that the game applies to a particle, in world space. Default 0.
@@ -70,6 +73,7 @@ pub struct Pinned;
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Deref, DerefMut)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct AppliedForce(pub Vec3);
 
 /// Marks a particle that the plugin took out of the simulation because its state became non-finite.
@@ -80,4 +84,5 @@ pub struct AppliedForce(pub Vec3);
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Quarantined;

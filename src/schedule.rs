@@ -7,6 +7,7 @@ use bevy::prelude::*;
 /// The stages of a tick, chained in this order, in the schedule of
 /// [`MassSpringPlugin`](crate::MassSpringPlugin).
 #[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MassSpringSystems {
     /// Components are copied into the solver.
     Gather,

@@ -18,6 +18,7 @@ use crate::parameter::{self, InvalidParameter};
 #[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Spring {
     /// The two ends: two different entities with a [`Particle`](crate::particle::Particle).
     #[entities]

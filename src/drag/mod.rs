@@ -78,7 +78,10 @@ impl Plugin for ParticleDragPlugin {
 
 /// Which particle the pointer is over, and which it drags. Written by [`ParticleDragPlugin`] once a frame.
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct ParticleDrag {
     /// The particle under the pointer.
     pub hovered: Option<Entity>,
@@ -92,7 +95,9 @@ pub struct ParticleDrag {
 
 /// How [`ParticleDragPlugin`] picks and pulls.
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct ParticleDragSettings {
     /// Whether particles can be picked and dragged. Default true.
     pub enabled: bool,
@@ -118,5 +123,7 @@ impl Default for ParticleDragSettings {
 
 /// Marks the particle that Ctrl with the middle or right button drags from anywhere.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct DragAnchor;

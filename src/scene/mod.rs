@@ -37,8 +37,6 @@ mod spawn;
 mod validate;
 
 pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
-pub use description::{
-    MassSpringScene, SceneCollisions, SceneEnvironment, SceneParticle, ScenePlane, SceneSolver, SceneSpring,
-};
+pub use description::{MassSpringScene, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
 pub use spawn::SpawnedScene;

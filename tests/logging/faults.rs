@@ -38,7 +38,9 @@ fn assert_quarantined(logged: &Logged, poison: impl Fn(&mut App, Entity)) {
     poison(&mut app, particle);
     run(&mut app, 1);
     assert!(app.world().entity(particle).contains::<Quarantined>());
-    assert_eq!(messages::<ParticleFault>(&mut app), [ParticleFault { particle, tick: tick + 1 }]);
+    let faults = messages::<ParticleFault>(&mut app);
+    let faults: Vec<(Entity, u64)> = faults.iter().map(|fault| (fault.particle, fault.tick)).collect();
+    assert_eq!(faults, [(particle, tick + 1)]);
     let line = logged.take_one();
     assert!(line.contains(&particle.to_string()), "{line:?}");
     assert_eq!(report(&app).faults, 1);

@@ -123,7 +123,7 @@ fn particles_report_whom_they_hit() {
         contacts.extend(messages::<Contact>(&mut app).into_iter().filter(|contact| contact.impulse > 0.0));
     }
     assert_eq!(contacts.len(), 1, "{contacts:?}");
-    let Contact { particle, other, point, normal, impulse } = contacts[0];
+    let Contact { particle, other, point, normal, impulse, .. } = contacts[0];
     assert!([(left, right), (right, left)].contains(&(particle, other)));
     assert_eq!(normal, if particle == left { Vec3::NEG_X } else { Vec3::X });
     // Equal masses exchange velocities: 1 kg · 2 m/s.

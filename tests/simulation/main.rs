@@ -18,5 +18,7 @@ mod pinning;
 mod plugins;
 mod prescribed;
 mod properties;
+#[cfg(feature = "scene")]
+mod reflection;
 mod resting;
 mod schemes;

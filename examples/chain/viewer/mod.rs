@@ -63,8 +63,6 @@ fn lay_out(world: &mut World) {
     }
     if with_settings {
         scene.apply_settings(world);
-        let viscosity_acts = preset.is_none_or(|preset| presets::ALL[preset].viscosity_acts);
-        world.resource_mut::<Environment>().viscosity_enabled = viscosity_acts;
     }
     let spawned: SpawnedScene = scene.spawn(&mut world.commands());
     world.flush();
