@@ -35,9 +35,9 @@ impl PlaneCollider {
 ///
 /// Two particles do not collide with each other
 /// - if a `Spring` joins them whose rest length is shorter than their two radii
-///   together: they overlap at rest, and contact and spring would fight for ever;
-/// - if both hang on springs and they overlap when they are first seen so close, until they have come
-///   apart: to push them apart would stretch the springs, with energy from nowhere.
+///   together: they overlap at rest, where contact and spring would oppose each other;
+/// - if both hang on springs and they overlap when they are first in contact, until they have
+///   separated: pushing them apart would stretch the springs and add energy.
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", serde(rename = "Collisions", default, deny_unknown_fields))]

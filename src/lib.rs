@@ -19,8 +19,8 @@
 //! # app.update();
 //! ```
 //!
-//! The position of a particle is its [`Transform`](bevy::prelude::Transform): whoever moves it moves
-//! the particle. [`Pinned`] particles go where their transform (or their moving parent) goes, and
+//! The position of a particle is its [`Transform`](bevy::prelude::Transform): moving it moves the
+//! particle. [`Pinned`] particles go where their transform (or their moving parent) goes, and
 //! drag along what hangs from them. [`Environment`] holds gravity and the viscosity of the medium,
 //! [`SolverSettings`] the integration scheme, [`CollisionSettings`] what collides.
 //!

@@ -1,9 +1,8 @@
 //! Picks particles with the pointer and drags them.
 //!
 //! `picking` is a backend of Bevy's picking that needs no meshes; `grip` follows the pointer. This
-//! module owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves particles as any game
-//! could, pinned ones by their `Transform` and free ones by their `AppliedForce`, and knows nothing of
-//! the solver.
+//! module owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves pinned
+//! particles by their `Transform` and free ones by their `AppliedForce`, and is independent of the solver.
 
 mod grip;
 mod picking;
@@ -70,7 +69,7 @@ impl Plugin for ParticleDragPlugin {
                 schedule,
                 (
                     grip::pull_particle.before(MassSpringSystems::Gather),
-                    grip::take_back_pull.after(MassSpringSystems::Scatter),
+                    grip::remove_pull.after(MassSpringSystems::Scatter),
                 ),
             );
     }
@@ -87,7 +86,7 @@ pub struct ParticleDrag {
     pub hovered: Option<Entity>,
     /// The particle in the pointer's grip.
     pub dragged: Option<Entity>,
-    /// Where the dragged particle is wanted, in world space, m.
+    /// The target of the dragged particle, in world space, m.
     pub target: Option<Vec3>,
     /// The camera through which the pointer sees the particle that is hovered or dragged.
     pub camera: Option<Entity>,
@@ -105,7 +104,7 @@ pub struct ParticleDragSettings {
     /// Finite and >= 0, default 10.
     pub pick_radius: f32,
     /// The angular frequency ω, in rad/s, of the critically damped pull on a free particle:
-    /// F = m (ω² (target − x) − 2 ω v − g), and what it takes to carry what hangs from it. Finite and
+    /// F = m (ω² (target − x) − 2 ω v − g), plus the weight of what hangs from it. Finite and
     /// > 0, default 25.
     ///
     /// At time steps above 1/60 s, a smaller one is used where this one would be unstable.

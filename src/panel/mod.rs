@@ -1,7 +1,6 @@
 //! An egui panel with every parameter of the simulation, live, and plots of what it does.
 //!
-//! This folder is the only place that names egui. It reads and writes components, settings and
-//! resources as any game could: `parameters` holds the widgets, `history` what the plots
+//! Only this module uses egui. It reads and writes components, settings and resources: `parameters` holds the widgets, `history` what the plots
 //! show, `plots` the plots. An app adds sections of its own with [`AppPanelSection`].
 
 mod history;
@@ -31,9 +30,10 @@ use crate::spring::Spring;
 /// along the springs, and shows the cost of a tick. Pointer and keyboard input that is meant for it is
 /// kept from the rest of the app (it switches on `enable_absorb_bevy_input_system` of bevy_egui).
 ///
-/// Add it after `DefaultPlugins`; it adds bevy_egui unless it is there, and in an app without Bevy's
-/// `WindowPlugin`, such as a headless one, it does nothing. It is drawn on the camera that carries bevy_egui's primary context. Apps add sections
-/// with [`AppPanelSection::add_panel_section`], and switch it on and off through [`MassSpringPanel`].
+/// Add it after `DefaultPlugins`; it adds bevy_egui unless it is there. In an app without Bevy's
+/// `WindowPlugin`, such as a headless one, it does nothing. It is drawn on the camera that carries
+/// bevy_egui's primary context. Apps add sections with [`AppPanelSection::add_panel_section`], and switch
+/// it on and off through [`MassSpringPanel`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MassSpringPanelPlugin;
 
@@ -102,11 +102,11 @@ pub trait AppPanelSection {
     /// use bevy_mass_spring::panel::AppPanelSection;
     /// use bevy_mass_spring::prelude::*;
     ///
-    /// fn draw_census(mut ui: InMut<egui::Ui>, particles: Query<&Particle>) {
+    /// fn draw_count(mut ui: InMut<egui::Ui>, particles: Query<&Particle>) {
     ///     ui.label(format!("{} particles", particles.iter().len()));
     /// }
     ///
-    /// App::new().add_panel_section("Census", draw_census);
+    /// App::new().add_panel_section("Count", draw_count);
     /// ```
     fn add_panel_section<M>(
         &mut self,

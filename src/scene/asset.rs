@@ -20,10 +20,10 @@ use super::spawn::SpawnedScene;
 ///
 /// Particles live in world space, so they do not become children of this entity. It gets a
 /// [`SpawnedScene`] that lists them, and when it is despawned, so are they. Removing only the
-/// [`SpawnedScene`] spawns the scene afresh.
+/// [`SpawnedScene`] spawns the scene again.
 ///
-/// The settings of the scene (gravity, time step, scheme …) belong to the whole app and are left
-/// alone: call [`MassSpringScene::apply_settings`] to take them over, for example in an observer of
+/// The settings of the scene (gravity, time step, scheme …) belong to the whole app and are not
+/// touched: call [`MassSpringScene::apply_settings`] to apply them, for example in an observer of
 /// `On<Insert, SpawnedScene>`.
 #[derive(Component, Reflect, Debug, Clone, Default, PartialEq, Eq, Deref, DerefMut)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
@@ -58,8 +58,8 @@ impl AssetLoader for MassSpringSceneLoader {
     }
 }
 
-/// Loads `*.scene.ron` files and spawns them where a [`MassSpringSceneRoot`] asks for it, in apps with
-/// Bevy's `AssetPlugin`, added before or after this plugin. [`MassSpringPlugin`](crate::MassSpringPlugin)
+/// Loads `*.scene.ron` files and spawns the scene of each [`MassSpringSceneRoot`], in apps with Bevy's
+/// `AssetPlugin`, added before or after this plugin. [`MassSpringPlugin`](crate::MassSpringPlugin)
 /// adds it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MassSpringScenePlugin;

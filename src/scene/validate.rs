@@ -34,7 +34,7 @@ impl fmt::Display for Path {
     }
 }
 
-/// The first broken rule of a scene, and the field that breaks it.
+/// The first violated rule of a scene, and the field at fault.
 pub(super) struct Fault {
     pub path: Path,
     pub reason: SceneErrorReason,

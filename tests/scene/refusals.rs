@@ -1,4 +1,4 @@
-//! What is refused, where it stands, and in which words.
+//! What is refused, with the position and message of each error.
 
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::scene::{Position, SceneErrorReason};
@@ -173,7 +173,7 @@ fn malformed_text_is_refused_with_place_and_field() {
             "particles[0].pinned",
             "bool",
         ),
-        // Names that are none.
+        // Unknown names.
         (
             "(\nsolver: (integrator: Leapfrog), particles: [])".to_owned(),
             2,

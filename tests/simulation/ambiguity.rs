@@ -1,4 +1,4 @@
-//! No two systems of the plugin fight over data without an order between them.
+//! No two systems of the plugin access the same data without an order between them.
 
 use bevy::app::Plugins;
 use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
@@ -72,7 +72,7 @@ fn number_of_pairs(error: &str) -> usize {
     error.split_whitespace().find_map(|word| word.parse().ok()).expect("the message counts the pairs")
 }
 
-/// The check sees what it should: a system of the game that writes forces beside the plugin's, unordered.
+/// The check finds what it should: a system of the game that writes forces beside the plugin's, unordered.
 #[test]
 fn an_unordered_system_is_found() {
     let mut app = app();
@@ -82,7 +82,7 @@ fn an_unordered_system_is_found() {
     assert!(check(&mut app, FixedPostUpdate).is_err());
 }
 
-/// Ordered by the plugin's sets it is none.
+/// Ordered by the plugin's sets it is no ambiguity.
 #[test]
 fn an_ordered_system_is_fine() {
     let mut app = app();

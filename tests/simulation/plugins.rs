@@ -1,4 +1,4 @@
-//! Which plugin does what: each can be left out, takes no care of the order, and keeps to one schedule.
+//! The plugins: each can be disabled, their order does not matter, and all use one schedule.
 
 use bevy::app::PluginGroupBuilder;
 use bevy::diagnostic::DiagnosticsStore;
@@ -44,14 +44,14 @@ fn each_plugin_can_be_disabled() {
 }
 
 #[test]
-fn the_physics_can_be_left_out() {
+fn the_physics_can_be_disabled() {
     let mut app = app_with(all().disable::<MassSpringPlugin>());
     run(&mut app, 1);
     assert!(!app.world().contains_resource::<TickReport>());
 }
 
 #[test]
-fn the_plugin_alone_brings_its_companions() {
+fn the_plugin_alone_adds_its_companions() {
     let app = app();
     assert!(app.is_plugin_added::<SingleStepPlugin>());
     #[cfg(feature = "scene")]
@@ -63,15 +63,15 @@ fn the_plugin_alone_brings_its_companions() {
 }
 
 #[test]
-fn companions_may_be_there_already() {
+fn companions_may_have_been_added_before() {
     let app = app_with((SingleStepPlugin, MassSpringPlugin::default()));
     assert!(app.world().contains_resource::<SingleStep>());
-    // Set by the user to one that brings companions: those of the group come first.
+    // Replaced by one that adds companions: those of the group are added before it.
     let app = app_with(all().set(MassSpringPlugin::new(FixedUpdate)));
     assert!(app.world().contains_resource::<SingleStep>());
 }
 
-/// One sample for each tick, in whatever schedule and order of plugins; none while time is paused.
+/// One sample for each tick, in any schedule and order of plugins; none while time is paused.
 #[test]
 fn diagnostics_are_recorded_in_the_schedule_of_the_physics() {
     fn samples(app: &App) -> Option<usize> {
@@ -133,17 +133,17 @@ mod interpolation {
     }
 
     #[test]
-    fn it_can_be_forced_and_refused() {
+    fn it_can_be_forced_and_switched_off() {
         let forced = MassSpringInterpolationPlugin { headless: true };
         assert_interpolates(app_with(all().set(forced)), true);
         assert_interpolates(app_with((forced, MassSpringPlugin::default())), true);
-        let refused = MassSpringPlugin::default().with_interpolation(false);
-        assert_interpolates(app_with((InputPlugin, refused)), false);
-        let refused = all().disable::<MassSpringInterpolationPlugin>();
-        assert_interpolates(app_with((InputPlugin, refused)), false);
+        let off = MassSpringPlugin::default().with_interpolation(false);
+        assert_interpolates(app_with((InputPlugin, off)), false);
+        let off = all().disable::<MassSpringInterpolationPlugin>();
+        assert_interpolates(app_with((InputPlugin, off)), false);
     }
 
-    /// The user's own plugin is taken as it is, before or after ours.
+    /// A plugin that the user adds is kept, before or after that of the crate.
     #[test]
     fn the_plugin_of_the_user_is_kept() {
         let own = TransformInterpolationPlugin::default;

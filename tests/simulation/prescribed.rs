@@ -98,7 +98,7 @@ fn the_motion_is_spread_evenly_over_the_substeps() {
 }
 
 /// A tick of n substeps is the same as n ticks of one, the anchor going a part of the way in each. With
-/// damping not so of velocity Verlet, which evaluates the forces anew when a tick begins.
+/// damping not so of velocity Verlet, which evaluates the forces again when a tick begins.
 #[test]
 fn substeps_are_ticks_in_small() {
     for scheme in Scheme::ALL {

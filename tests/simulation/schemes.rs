@@ -80,7 +80,7 @@ fn every_scheme_follows_its_recurrence() {
     }
 }
 
-/// Without this the test above might be blind: no scheme follows the recurrence of another.
+/// The test above distinguishes the schemes: none follows the recurrence of another.
 #[test]
 fn no_scheme_follows_the_recurrence_of_another() {
     for scheme in Scheme::ALL {

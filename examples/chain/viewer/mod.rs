@@ -1,4 +1,4 @@
-//! All that the window shows: scenes, stage, looks, controls, overlay. The window test runs it too.
+//! All that the window shows: scenes, stage, appearance, controls, overlay. The window test runs it too.
 
 pub mod controls;
 pub mod looks;
@@ -36,14 +36,14 @@ pub struct OpenScene {
     pub title: String,
     /// Its place in [`presets::ALL`], if it is one of them.
     pub preset: Option<usize>,
-    /// The room that it takes.
+    /// Its extent.
     pub bounds: Bounds,
     root: Entity,
 }
 
 /// A scene to be laid out in place of the one that is open.
 ///
-/// This is done when the next frame begins: what it looks like is added in the course of a frame.
+/// This is done when the next frame begins: meshes are added during a frame.
 #[derive(Resource)]
 pub struct LayOut {
     /// The content.
@@ -69,7 +69,7 @@ fn lay_out(world: &mut World) {
     let root = world.spawn(spawned).id();
     let bounds = Bounds::of(&scene);
     world.insert_resource(OpenScene { title, preset, bounds, root });
-    // None of the new entities has a past to return to: this only sets the clock of ticks to zero.
+    // The new entities have no initial state yet: this only resets the tick counter.
     RestoreInitialState.apply(world);
 }
 
@@ -80,7 +80,7 @@ fn open_first_scene(first: Res<FirstScene>, mut time: ResMut<Time<Virtual>>, mut
     commands.insert_resource(layout);
 }
 
-/// The room that a scene takes, in m.
+/// The extent of a scene, in m.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounds {
     /// The middle of its particles, or what they hang from sideways.

@@ -78,13 +78,13 @@ impl Default for ChainPlan {
 impl ChainPlan {
     /// The chain of this plan, with particles like `particle` and springs like `spring`.
     pub fn build(&self, particle: Particle, spring: Spring) -> MassSpringScene {
-        const LOWEST: f32 = 0.3;
+        const MIN_HEIGHT: f32 = 0.3;
         let mut scene = chain_file();
         let (first, second) = (scene.particles[0], scene.particles[1]);
         let length = spring.rest_length * (self.particles - 1) as f32;
         // As slanted as the shipped chain, but no lower than above the ground.
         let slope = -(second.position - first.position).normalize().y;
-        let drop = (slope * length).min(first.position.y - LOWEST);
+        let drop = (slope * length).min(first.position.y - MIN_HEIGHT);
         let across = (length * length - drop * drop).max(0.0).sqrt();
         let (end, anchor) = (Vec3::new(across, -drop, 0.0), first.position);
         let share = |index: usize| index as f32 / (self.particles - 1) as f32;
