@@ -11,6 +11,7 @@ use crate::parameter::{self, InvalidParameter};
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[require(Transform)]
 pub struct PlaneCollider {
     /// Coefficient of restitution, 0 (all energy of the impact is absorbed) to 1 (elastic). Default 0.
@@ -34,12 +35,14 @@ impl PlaneCollider {
 ///
 /// Two particles do not collide with each other
 /// - if a `Spring` joins them whose rest length is shorter than their two radii
-///   together: they overlap at rest, and contact and spring would fight for ever;
-/// - if both hang on springs and they overlap when they are first seen so close, until they have come
-///   apart: to push them apart would stretch the springs, with energy from nowhere.
+///   together: they overlap at rest, where contact and spring would oppose each other;
+/// - if both hang on springs and they overlap when they are first in contact, until they have
+///   separated: pushing them apart would stretch the springs and add energy.
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serialize", serde(rename = "Collisions", default, deny_unknown_fields))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct CollisionSettings {
     /// Whether particles collide with [`PlaneCollider`]s. Default true.
     pub ground: bool,
@@ -75,6 +78,8 @@ impl Default for CollisionSettings {
 #[derive(Message, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct Contact {
     /// The particle that was pushed along [`normal`](Self::normal).
     pub particle: Entity,

@@ -6,8 +6,8 @@ use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnost
 use bevy::math::DVec3;
 use bevy::prelude::*;
 
-use crate::MassSpringSystems;
 use crate::report::TickReport;
+use crate::schedule::{MassSpringSystems, simulation_schedule, time_advances};
 
 /// Physical quantities of the whole simulation at the end of the last tick.
 ///
@@ -16,6 +16,8 @@ use crate::report::TickReport;
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct Measurements {
     /// Σ ½ m v², J.
     pub kinetic_energy: f64,
@@ -43,6 +45,19 @@ impl Measurements {
 /// Computes [`Measurements`] each tick and records them, with the cost of each stage, into Bevy's
 /// [`DiagnosticsStore`](bevy::diagnostic::DiagnosticsStore), where `LogDiagnosticsPlugin` and
 /// overlays find them.
+///
+/// It runs after [`MassSpringSystems::Scatter`] in the schedule of
+/// [`MassSpringPlugin`](crate::MassSpringPlugin), added before or after it.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// # app.add_plugins(MinimalPlugins);
+/// app.add_plugins((MassSpringPlugin::new(FixedUpdate), MassSpringDiagnosticsPlugin));
+/// # app.finish();
+/// # app.update();
+/// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MassSpringDiagnosticsPlugin;
 
@@ -101,7 +116,15 @@ impl Plugin for MassSpringDiagnosticsPlugin {
         for (path, unit) in Self::UNITS {
             app.register_diagnostic(Diagnostic::new(path).with_suffix(unit));
         }
-        app.add_systems(FixedLast, record_diagnostics.after(MassSpringSystems::Scatter));
+    }
+
+    fn finish(&self, app: &mut App) {
+        if let Some(schedule) = simulation_schedule(app) {
+            app.add_systems(
+                schedule,
+                record_diagnostics.after(MassSpringSystems::Scatter).run_if(time_advances),
+            );
+        }
     }
 }
 

@@ -8,8 +8,13 @@ use crate::parameter::{self, InvalidParameter};
 ///
 /// Each can be switched off without losing its value.
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serialize",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Environment {
     /// The acceleration g of gravity in m/s², finite. Default (0, −9.81, 0).
     pub gravity: Vec3,

@@ -55,7 +55,9 @@ impl Plugin for MassSpringGizmosPlugin {
 /// }
 /// ```
 #[derive(Reflect, GizmoConfigGroup, Debug, Clone)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct MassSpringGizmos {
     /// Whether the outline of each particle is drawn. Default true.
     pub particles: bool,

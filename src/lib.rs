@@ -19,8 +19,8 @@
 //! # app.update();
 //! ```
 //!
-//! The position of a particle is its [`Transform`](bevy::prelude::Transform): whoever moves it moves
-//! the particle. [`Pinned`] particles go where their transform (or their moving parent) goes, and
+//! The position of a particle is its [`Transform`](bevy::prelude::Transform): moving it moves the
+//! particle. [`Pinned`] particles go where their transform (or their moving parent) goes, and
 //! drag along what hangs from them. [`Environment`] holds gravity and the viscosity of the medium,
 //! [`SolverSettings`] the integration scheme, [`CollisionSettings`] what collides.
 //!
@@ -37,14 +37,18 @@ pub mod drag;
 pub mod environment;
 #[cfg(feature = "gizmos")]
 pub mod gizmos;
+#[cfg(feature = "interpolation")]
+mod interpolation;
 #[cfg(feature = "panel")]
 pub mod panel;
 pub mod parameter;
 pub mod particle;
 mod plugin;
+mod plugin_group;
 pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
+mod schedule;
 pub mod settings;
 pub mod snapshot;
 pub mod solver;
@@ -52,10 +56,16 @@ pub mod spring;
 mod sync;
 pub mod time_control;
 
-pub use plugin::{MassSpringPlugin, MassSpringSystems};
+#[cfg(feature = "interpolation")]
+pub use interpolation::MassSpringInterpolationPlugin;
+pub use plugin::MassSpringPlugin;
+pub use plugin_group::MassSpringPlugins;
+pub use schedule::MassSpringSystems;
 
 /// What most users of the crate need, in one import.
 pub mod prelude {
+    #[cfg(feature = "interpolation")]
+    pub use crate::MassSpringInterpolationPlugin;
     pub use crate::collider::{CollisionSettings, Contact, PlaneCollider};
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
@@ -68,12 +78,12 @@ pub mod prelude {
     pub use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
     pub use crate::report::{ParticleFault, TickReport};
     #[cfg(feature = "scene")]
-    pub use crate::scene::{MassSpringScene, MassSpringSceneRoot};
+    pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
     pub use crate::settings::{Integrator, SolverSettings, Substeps};
     pub use crate::snapshot::{RestoreInitialState, TakeInitialState};
     pub use crate::spring::Spring;
-    pub use crate::time_control::SingleStep;
-    pub use crate::{MassSpringPlugin, MassSpringSystems};
+    pub use crate::time_control::{SingleStep, SingleStepPlugin};
+    pub use crate::{MassSpringPlugin, MassSpringPlugins, MassSpringSystems};
 }
 #[doc(inline)]
 pub use prelude::*;

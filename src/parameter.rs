@@ -8,6 +8,7 @@ use bevy::math::Vec3;
 /// A parameter outside its range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{field} is {value}, expected {expected}")]
+#[non_exhaustive]
 pub struct InvalidParameter {
     /// The name of the field, as it stands in the component or scene file.
     pub field: &'static str,

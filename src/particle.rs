@@ -10,10 +10,11 @@ use crate::parameter::{self, InvalidParameter};
 /// any); its velocity is [`ParticleVelocity`]. Add [`Pinned`] to fix it, [`AppliedForce`] to push it.
 ///
 /// A particle with a bad value (see the fields) is left out of the simulation, with one warning that
-/// names it, until the value is mended.
+/// names it, until the value is corrected.
 #[derive(Component, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[require(Transform, ParticleVelocity)]
 pub struct Particle {
     /// Mass in kg, finite and > 0. Default 1.
@@ -52,16 +53,17 @@ impl Default for Particle {
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Deref, DerefMut)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct ParticleVelocity(pub Vec3);
 
 /// Gives a particle infinite mass: no force and no contact moves it.
 ///
-/// It is moved by whoever moves its [`Transform`] or that of a parent, and what is tied to it is
-/// dragged along: the motion since the last tick is spread evenly over the substeps, and springs,
+/// It moves with its [`Transform`] and those of its parents, and drags along what is tied to it: the motion since the last tick is spread evenly over the substeps, and springs,
 /// dampers and contacts see its velocity.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Pinned;
 
 /// A force in N that the game applies to a particle, in world space. Default 0.
@@ -70,14 +72,16 @@ pub struct Pinned;
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Deref, DerefMut)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct AppliedForce(pub Vec3);
 
 /// Marks a particle that the plugin took out of the simulation because its state became non-finite.
 ///
-/// Its transform keeps the last finite position, and its springs act no more. The fault is reported
+/// Its transform keeps the last finite position, and its springs exert no force. The fault is reported
 /// once, as [`ParticleFault`](crate::report::ParticleFault) and in the log. Remove the component to
-/// let the particle back in.
+/// return the particle to the simulation.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Quarantined;

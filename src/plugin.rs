@@ -8,25 +8,23 @@ use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::{ParticleFault, TickReport};
+use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
 use crate::settings::SolverSettings;
 use crate::spring::Spring;
-use crate::{sync, time_control};
+use crate::sync;
+use crate::time_control::SingleStepPlugin;
 
-/// The stages of a tick, chained in this order, in the plugin's schedule.
-#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum MassSpringSystems {
-    /// Components are copied into the solver.
-    Gather,
-    /// The solver integrates one tick.
-    Step,
-    /// The solver's state is copied back into the components; messages are sent.
-    Scatter,
-}
-
-/// Mass-spring physics: add it after `DefaultPlugins` or `MinimalPlugins`.
+/// Mass-spring physics, beside `DefaultPlugins` or `MinimalPlugins`.
+///
+/// It also adds [`SingleStepPlugin`], `MassSpringScenePlugin` (feature `scene`) and
+/// `MassSpringInterpolationPlugin` (feature `interpolation`), unless they were added before it.
+/// [`MassSpringPlugins`](crate::MassSpringPlugins) holds these and all others of the crate, each of which
+/// can be configured and disabled there.
 #[derive(Debug, Clone)]
 pub struct MassSpringPlugin {
     schedule: Interned<dyn ScheduleLabel>,
+    companions: bool,
+    #[cfg(feature = "interpolation")]
     interpolation: Option<bool>,
 }
 
@@ -40,48 +38,47 @@ impl MassSpringPlugin {
     /// Runs the simulation in `schedule`; the default is [`FixedPostUpdate`], so that a game pushes
     /// forces in `FixedUpdate`. The time step is that of [`Time`] there.
     pub fn new(schedule: impl ScheduleLabel) -> Self {
-        Self { schedule: schedule.intern(), interpolation: None }
+        Self {
+            schedule: schedule.intern(),
+            companions: true,
+            #[cfg(feature = "interpolation")]
+            interpolation: None,
+        }
+    }
+
+    /// The physics alone: it adds no other plugin.
+    pub fn physics_only(mut self) -> Self {
+        self.companions = false;
+        self
     }
 
     /// Switches the smoothing of motion between ticks on or off (feature `interpolation`).
     ///
-    /// By default it is on in apps that somebody watches, that is with Bevy's `InputPlugin`, which is
-    /// part of `DefaultPlugins`, and off in headless ones. It eases each particle's `Transform`
-    /// between the last two ticks while a frame is drawn, by `bevy_transform_interpolation`.
+    /// By default it is on in apps with Bevy's `InputPlugin`, which is part of `DefaultPlugins`, and off in
+    /// others: see [`MassSpringInterpolationPlugin`](crate::MassSpringInterpolationPlugin), which this
+    /// configures. A plugin of that type that was added before keeps its own configuration.
+    #[cfg(feature = "interpolation")]
     pub fn with_interpolation(mut self, interpolation: bool) -> Self {
         self.interpolation = Some(interpolation);
         self
     }
 
-    #[cfg(feature = "interpolation")]
-    fn build_interpolation(&self, app: &mut App) {
-        use bevy_transform_interpolation::prelude::*;
-
-        let watched = app.is_plugin_added::<bevy::input::InputPlugin>();
-        if !self.interpolation.unwrap_or(watched) {
-            return;
+    fn add_companions(&self, app: &mut App) {
+        add_once(app, SingleStepPlugin);
+        #[cfg(feature = "scene")]
+        add_once(app, crate::scene::MassSpringScenePlugin);
+        #[cfg(feature = "interpolation")]
+        if self.interpolation != Some(false) {
+            let headless = self.interpolation == Some(true);
+            add_once(app, crate::interpolation::MassSpringInterpolationPlugin { headless });
         }
-        if !app.is_plugin_added::<TransformInterpolationPlugin>() {
-            app.add_plugins(TransformInterpolationPlugin::default());
-        }
-        if app.try_register_required_components::<Particle, TranslationInterpolation>().is_ok() {
-            return;
-        }
-        // There are particles already: what is required of them cannot be changed any more.
-        let world = app.world_mut();
-        let existing: Vec<Entity> = world.query_filtered::<Entity, With<Particle>>().iter(world).collect();
-        for particle in existing {
-            world.entity_mut(particle).insert(TranslationInterpolation);
-        }
-        app.add_observer(|added: On<Add, Particle>, mut commands: Commands| {
-            commands.entity(added.entity).try_insert(TranslationInterpolation);
-        });
     }
 }
 
 impl Plugin for MassSpringPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<Environment>()
+        app.insert_resource(SimulationSchedule(self.schedule))
+            .init_resource::<Environment>()
             .init_resource::<SolverSettings>()
             .init_resource::<CollisionSettings>()
             .init_resource::<TickReport>()
@@ -94,25 +91,20 @@ impl Plugin for MassSpringPlugin {
                 self.schedule,
                 (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter)
                     .run_if(time_advances),
-            )
-            .add_plugins(time_control::plugin);
+            );
         sync::build(app, self.schedule);
-        #[cfg(feature = "scene")]
-        app.add_plugins(crate::scene::plugin);
         register_types(app);
-        #[cfg(feature = "interpolation")]
-        self.build_interpolation(app);
-    }
-
-    #[cfg(feature = "scene")]
-    fn finish(&self, app: &mut App) {
-        crate::scene::finish(app);
+        if self.companions {
+            self.add_companions(app);
+        }
     }
 }
 
-/// In a schedule that runs each frame, such as `Update`, nothing moves while time is paused.
-fn time_advances(time: Res<Time>) -> bool {
-    !time.delta().is_zero()
+/// Adds a plugin unless one of its type is there.
+fn add_once<P: Plugin>(app: &mut App, plugin: P) {
+    if !app.is_plugin_added::<P>() {
+        app.add_plugins(plugin);
+    }
 }
 
 fn register_types(app: &mut App) {

@@ -10,6 +10,8 @@ use crate::settings::Integrator;
 #[derive(Resource, Reflect, Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct TickReport {
     /// Ticks that have run since the app started or the initial state was restored.
     pub tick: u64,
@@ -61,6 +63,8 @@ impl TickReport {
 #[derive(Message, Reflect, Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct ParticleFault {
     /// The particle.
     pub particle: Entity,

@@ -14,10 +14,11 @@ use crate::parameter::{self, InvalidParameter};
 /// there is no direction then.
 ///
 /// A spring whose particles do not exist or whose values are bad is left out of the simulation, with
-/// one warning that names it, until it is mended.
+/// one warning that names it, until it is corrected.
 #[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Spring {
     /// The two ends: two different entities with a [`Particle`](crate::particle::Particle).
     #[entities]

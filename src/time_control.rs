@@ -21,6 +21,7 @@ use bevy::prelude::*;
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct SingleStep {
     requested: u32,
 }
@@ -32,11 +33,17 @@ impl SingleStep {
     }
 }
 
-pub(crate) fn plugin(app: &mut App) {
-    app.init_resource::<SingleStep>().register_type::<SingleStep>().add_systems(
-        RunFixedMainLoop,
-        grant_single_steps.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop),
-    );
+/// Runs the ticks that [`SingleStep`] asks for. [`MassSpringPlugin`](crate::MassSpringPlugin) adds it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SingleStepPlugin;
+
+impl Plugin for SingleStepPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<SingleStep>().register_type::<SingleStep>().add_systems(
+            RunFixedMainLoop,
+            grant_single_steps.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop),
+        );
+    }
 }
 
 /// Lends the fixed clock one time step for each request, which the fixed loop then spends.

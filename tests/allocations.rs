@@ -12,7 +12,7 @@ use common::{app, join, run, spawn, spawn_pinned};
 
 const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
-/// A cloth of 20 × 20 that swings, and 60 balls that fall into a heap.
+/// A cloth of 20 × 20 that swings, and 60 balls that fall into a pile.
 fn state() -> SolverState {
     let mut state = SolverState::default();
     for slot in 0..400_usize {
@@ -51,7 +51,7 @@ fn the_solver_allocates_nothing_in_steady_state() {
         for _ in 0..180 {
             step(&mut state, &settings);
         }
-        assert!(state.contacts.count() > 30, "the balls lie in a heap");
+        assert!(state.contacts.count() > 30, "the balls lie in a pile");
         let allocated = measure(|| (0..420).for_each(|_| step(&mut state, &settings)));
         assert_eq!(allocated.count_total, 0, "{scheme:?}");
     }

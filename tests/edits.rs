@@ -1,5 +1,5 @@
-//! Edits while it runs: particles and springs that come, leave and change, a few at a time in a large
-//! net, are taken up as if the scene had been made so.
+//! Edits while it runs: particles and springs that are spawned, despawned and changed, a few at a time in a
+//! large net, give the same as a scene that is built so.
 
 mod common;
 
@@ -18,7 +18,7 @@ struct Net {
     springs: Vec<Entity>,
 }
 
-/// On three threads. Four substeps, so that the number does not hang on a rounding of the stability bound.
+/// On three threads. Four substeps, so that the number does not depend on a rounding of the stability bound.
 fn app() -> App {
     let compute = TaskPoolThreadAssignmentPolicy {
         min_threads: 3,
@@ -62,7 +62,7 @@ fn net(app: &mut App) -> Net {
 fn edit(app: &mut App, net: &mut Net, round: usize) {
     let (count, links) = (net.particles.len(), net.springs.len());
     let world = app.world_mut();
-    // A spring leaves, another changes its ends, a third its stiffness.
+    // A spring is despawned, another changes its ends, a third its stiffness.
     let left = net.springs.swap_remove(round * 37 % links);
     world.despawn(left);
     let (one, other) = (net.particles[round * 11 % count], net.particles[round * 29 % count]);
@@ -72,7 +72,7 @@ fn edit(app: &mut App, net: &mut Net, round: usize) {
     }
     let softer = net.springs[round * 71 % (links - 1)];
     world.get_mut::<Spring>(softer).expect("it is a spring").stiffness *= 0.5;
-    // A particle leaves with its springs, one comes and hangs from the last.
+    // A particle is despawned with its springs, another is spawned and hangs from the last.
     let leaving = net.particles.remove(round * 97 % (count - 40) + 40);
     world.despawn(leaving);
     let dangling: Vec<Entity> = {
@@ -123,7 +123,7 @@ fn copied(app: &App, net: &Net) -> (App, Vec<Entity>) {
 /// below 100 N on 0.1 kg differs by 9 · u · 9 · 100 N / 0.1 kg = 5 mm/s² at most, over h = 1/240 s; a
 /// difference grows by less than (1 + 2 hω) = 1.4 a substep, ω² <= 2 · 8 · 50 / 0.1.
 #[test]
-fn an_edited_net_goes_on_like_one_made_anew() {
+fn an_edited_net_continues_like_a_new_one() {
     let mut app = app();
     let mut net = net(&mut app);
     run(&mut app, 5);
@@ -160,7 +160,7 @@ fn every_particle_of_large_tables_is_copied() {
         })
         .collect();
     run(&mut app, 1);
-    // The second half goes into another table backwards; every seventh leaves.
+    // The second half goes into another table backwards; every seventh is despawned.
     for &particle in particles[20_000..].iter().rev() {
         app.world_mut().entity_mut(particle).insert(AppliedForce(Vec3::X * 64.0));
     }
@@ -179,10 +179,10 @@ fn every_particle_of_large_tables_is_copied() {
     }
 }
 
-/// In a viscous medium a light particle that comes asks for other steps, though nothing else has changed:
-/// with those of the net its drag, 10⁴ times its momentum a second, would throw it back and forth.
+/// In a viscous medium a new light particle needs other steps, though nothing else has changed:
+/// with those of the net its drag, 10⁴ times its momentum a second, would make it oscillate.
 #[test]
-fn a_light_particle_that_comes_is_counted_in_a_viscous_medium() {
+fn a_new_light_particle_is_counted_in_a_viscous_medium() {
     let mut app = app();
     app.insert_resource(SolverSettings::default());
     app.insert_resource(Environment { viscosity: 1.0, gravity: Vec3::ZERO, ..default() });
@@ -197,7 +197,7 @@ fn a_light_particle_that_comes_is_counted_in_a_viscous_medium() {
     }
 }
 
-/// What changes while the settings name the scheme and its substeps is known when they are left to `Auto`.
+/// Changes made while the settings name scheme and substeps are taken into account once `Auto` chooses.
 #[test]
 fn edits_under_fixed_settings_count_for_auto() {
     let mut app = app();

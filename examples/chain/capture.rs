@@ -12,7 +12,7 @@ const FRAMES_AT_REST: u32 = 8;
 /// Ticks in a frame on the way, so that a slow renderer does not take minutes to get there.
 const TICKS_IN_A_FRAME: u64 = 4;
 
-/// What is asked for, and how far it is.
+/// The picture to be taken, and the progress towards it.
 #[derive(Resource)]
 pub struct Capture {
     file: PathBuf,

@@ -1,4 +1,4 @@
-//! What to say, in one sentence, where there is no display or no graphics driver.
+//! The one-sentence errors for a missing display or graphics driver.
 
 /// Checks that there is a display to open a window on.
 pub fn check() -> Result<(), String> {
@@ -24,7 +24,7 @@ fn without_window(reason: &str) -> String {
 
 /// Whether something listens at an X display such as `:0`, `unix:0.0` or `host:10.0`.
 ///
-/// A name that this does not understand is left to the window system to judge.
+/// A name of unknown form is left to the window system.
 #[cfg(all(unix, not(target_os = "macos")))]
 fn answers(display: &str) -> bool {
     let Some((host, screen)) = display.rsplit_once(':') else { return true };
@@ -58,7 +58,7 @@ fn reaches(host: &str, number: u16) -> bool {
 }
 
 /// Turns the panics with which Bevy meets a missing window system or graphics driver into one
-/// sentence and exit code 1. They can be told only by their message; all other panics stay as they are.
+/// sentence and exit code 1. Only their messages distinguish them; all other panics stay as they are.
 pub fn explain_missing_hardware() {
     const KNOWN: [(&str, &str); 3] = [
         ("Failed to build event loop", "the window system does not answer"),

@@ -14,7 +14,7 @@ pub fn run(scene: &MassSpringScene, seconds: f64) -> ExitCode {
         MinimalPlugins,
         TransformPlugin,
         bevy::diagnostic::DiagnosticsPlugin,
-        MassSpringPlugin::default(),
+        MassSpringPlugin::default().physics_only(),
         MassSpringDiagnosticsPlugin,
     ))
     .insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
@@ -55,7 +55,7 @@ pub fn run(scene: &MassSpringScene, seconds: f64) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// A number to read; that of a diverged simulation has too many digits for that.
+/// A readable number: those of a diverged simulation have many digits.
 fn number(value: f64) -> String {
     if value.abs() < 1e6 { format!("{value:.6}") } else { format!("{value:.3e}") }
 }

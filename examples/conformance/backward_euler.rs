@@ -8,16 +8,16 @@ use bevy::math::{DMat3, DVec3};
 use crate::net::{GRAVITY, Net, root_mean_square};
 use crate::reference::Reference;
 
-/// The most Newton steps.
-const MOST_STEPS: usize = 200;
+/// Maximum number of Newton steps.
+const MAX_STEPS: usize = 200;
 
-/// Where `net` is after one step of `h` seconds; the doubt is the last Newton step.
+/// Where `net` is after one step of `h` seconds; the uncertainty is the last Newton step.
 pub fn step(net: &Net, h: f64) -> Reference {
     let problem = Problem::of(net, h);
     let mut x: Vec<DVec3> = problem.flight.clone();
-    let (mut doubt, mut steps) = (f64::INFINITY, 0);
+    let (mut uncertainty, mut steps) = (f64::INFINITY, 0);
     // 1e-10 m: what rounding leaves of a metre after a solution of condition 1e4.
-    while doubt > 1e-10 && steps < MOST_STEPS {
+    while uncertainty > 1e-10 && steps < MAX_STEPS {
         let descent = problem.newton_step(&x);
         let potential = problem.potential(&x);
         let ahead = |share: f64| -> Vec<DVec3> {
@@ -29,11 +29,11 @@ pub fn step(net: &Net, h: f64) -> Reference {
             share *= 0.5;
             next = ahead(share);
         }
-        doubt = root_mean_square(&next, &x);
+        uncertainty = root_mean_square(&next, &x);
         x = next;
         steps += 1;
     }
-    Reference { position: x, doubt, steps }
+    Reference { position: x, uncertainty, steps }
 }
 
 struct Problem<'a> {

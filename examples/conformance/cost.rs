@@ -97,7 +97,7 @@ fn compare(lab: &mut Lab, section: &mut Section, scene: &Scene) -> Result<(), Bo
         scene.name,
         scene.description,
         truth.steps,
-        number(truth.doubt)
+        number(truth.uncertainty)
     ));
     section.table(table);
     let plot = Plot {
@@ -109,7 +109,7 @@ fn compare(lab: &mut Lab, section: &mut Section, scene: &Scene) -> Result<(), Bo
     lab.show(section, scene.file, &plot)
 }
 
-/// Runs with more and more substeps, up to a number that makes all of them about as dear.
+/// Runs with more and more substeps, up to a number at which all of them cost about the same.
 fn runs(integrator: Integrator, net: &Net, truth: &[DVec3]) -> Vec<Run> {
     let choices: Vec<Substeps> = match integrator {
         Integrator::Auto => vec![Substeps::Auto],
@@ -133,8 +133,8 @@ fn doublings(most: u32) -> Vec<Substeps> {
     (0..=most.ilog2()).map(|power| Substeps::Fixed(1 << power)).collect()
 }
 
-/// Runs it several times; says what a tick costs, ms: the mean over the ticks, of each the least of the
-/// runs, as all do the same work and other programs only ever add to it.
+/// The cost of a tick, ms: the mean over the ticks of the minimum of several runs, which all do the same
+/// work, to which other programs only add.
 fn run_repeatedly(simulation: &mut Simulation) -> f64 {
     let start = simulation.state.particles.clone();
     let mut least = [f64::INFINITY; TICKS];

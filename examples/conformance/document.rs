@@ -68,7 +68,7 @@ impl Table {
         table
     }
 
-    /// Adds a row; says how many cells it has.
+    /// Adds a row; returns its number of cells.
     pub fn row<S: AsRef<str>>(&mut self, cells: impl IntoIterator<Item = S>) -> usize {
         let cells: Vec<S> = cells.into_iter().collect();
         for cell in &cells {

@@ -1,4 +1,4 @@
-//! Energy: who keeps it, who loses it, who makes some.
+//! Energy: which schemes keep it, lose it and gain it.
 
 use std::error::Error;
 
@@ -67,7 +67,7 @@ fn drift(simulation: &mut Simulation, weight: f64) -> Vec<(f64, f64)> {
         if tick % 3 == 0 {
             let change = (simulation.energy() - start) / weight;
             points.push((tick as f64 * TICK, change));
-            // What has gained a million times that has exploded.
+            // A gain of a million times that is an explosion.
             if change.is_nan() || change > 1e6 {
                 break;
             }

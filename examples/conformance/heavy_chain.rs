@@ -23,7 +23,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     let carried: f64 = (0..LINKS).map(|above| 1e5 + above as f64).sum();
     let equilibrium = -(0.1 * LINKS as f64) - carried * GRAVITY / 1e9;
     let rigid = 1.854_074_677 * (2.0 / GRAVITY).sqrt();
-    let (truth, doubt) = true_swing();
+    let (truth, uncertainty) = true_swing();
     section.paragraph(&format!(
         "20 links of 0.1 m and 10⁹ N/m, particles of 1 kg and at the end 100,000 kg; nothing is damped, ticks \
          of 1/60 s. Hanging straight down, the end belongs at {equilibrium:.4} m; given is how far from there it \
@@ -33,8 +33,8 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
          ({} s and {} m from that with half as many steps). The bar: 0.837 s and 2.0 m, 3 % of each.",
         truth.time,
         truth.depth,
-        number(doubt.time),
-        number(doubt.depth)
+        number(uncertainty.time),
+        number(uncertainty.depth)
     ));
     let mut table =
         Table::new(["scheme", "substeps", "off after 5 s", "lowest at", "lowest point", "ms a tick"]);
@@ -105,8 +105,9 @@ fn true_swing() -> (Swing, Swing) {
         lowest(&heights)
     };
     let (coarse, fine) = (run(2), run(4));
-    let doubt = Swing { time: (coarse.time - fine.time).abs(), depth: (coarse.depth - fine.depth).abs() };
-    (fine, doubt)
+    let uncertainty =
+        Swing { time: (coarse.time - fine.time).abs(), depth: (coarse.depth - fine.depth).abs() };
+    (fine, uncertainty)
 }
 
 /// The lowest of heights at every tick; between ticks by the parabola through three of them.

@@ -23,7 +23,7 @@ pub fn date() -> String {
     format!("{year}-{month:02}-{day:02}")
 }
 
-/// The date so many days after 1970-01-01: years that begin in March, in eras of 400 years
+/// The date a number of `days` after 1970-01-01: years that begin in March, in eras of 400 years
 /// (Howard Hinnant, *chrono-compatible low-level date algorithms*).
 fn civil(days: u64) -> (u64, u64, u64) {
     let shifted = days + 719_468;

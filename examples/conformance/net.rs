@@ -125,7 +125,7 @@ impl Net {
         FrequencyBounds::of(&inverse_mass, springs, self.viscosity as f32)
     }
 
-    /// Goes on from where `state` is.
+    /// Continues from the positions and velocities of `state`.
     pub fn take(&mut self, state: &SolverState) {
         for slot in 0..self.position.len() {
             self.position[slot] = state.particles.position.get(slot).as_dvec3();

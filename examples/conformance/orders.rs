@@ -48,7 +48,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
          between the two smallest substeps whose error is above the rounding of f32 ({} m after as many \
          steps) and below 0.1 m.",
         truth.steps,
-        number(truth.doubt),
+        number(truth.uncertainty),
         number(ROUNDING)
     ));
     section.table(table);

@@ -14,7 +14,7 @@ const SIZE: (u32, u32) = (860, 480);
 /// The width of the margin with the names of the lines.
 const LEGEND: u32 = 175;
 
-/// Distinguishable, also for most of those who see fewer colours (Okabe and Ito, 2008).
+/// Distinguishable with most kinds of colour blindness, too (Okabe and Ito, 2008).
 const COLOURS: [RGBColor; 9] = [
     RGBColor(230, 159, 0),
     RGBColor(0, 114, 178),
@@ -76,7 +76,7 @@ pub struct Plot {
 impl Plot {
     /// Draws it into a file.
     pub fn write(&self, file: &Path) -> Result<(), Box<dyn Error>> {
-        // Registering it again does no harm.
+        // Registering it again has no effect.
         if register_font("sans-serif", FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT).is_err() {
             return Err("the font of the plots cannot be read".into());
         }

@@ -1,23 +1,22 @@
-//! What is true: the same equations in f64, with nothing of the crate in them, solved until it does not
-//! matter how.
+//! The reference: the same equations in f64, without code of the crate, solved to convergence.
 
 use bevy::math::DVec3;
 
 use crate::net::{GRAVITY, Net, root_mean_square};
 
-/// A motion, and how sure it is.
+/// A motion and its uncertainty.
 pub struct Reference {
     /// Positions at the end, m.
     pub position: Vec<DVec3>,
     /// Root of the mean square distance to the end with half as many steps, m. The error of a method of
     /// fourth order is about a fifteenth of that.
-    pub doubt: f64,
+    pub uncertainty: f64,
     /// The number of steps.
     pub steps: usize,
 }
 
 /// Runs `net` for `seconds` by the classical Runge–Kutta method, with twice as many steps each time
-/// until the doubt is at most `tolerance` (m).
+/// until the uncertainty is at most `tolerance` (m).
 pub fn motion(net: &Net, seconds: f64, tolerance: f64) -> Reference {
     let mut steps = least_steps(net, seconds);
     let run = |steps: usize| {
@@ -30,9 +29,9 @@ pub fn motion(net: &Net, seconds: f64, tolerance: f64) -> Reference {
         steps *= 2;
         assert!(steps < 1 << 22, "the reference does not converge to {tolerance} m");
         let position = run(steps);
-        let doubt = root_mean_square(&position, &coarse);
-        if doubt <= tolerance {
-            return Reference { position, doubt, steps };
+        let uncertainty = root_mean_square(&position, &coarse);
+        if uncertainty <= tolerance {
+            return Reference { position, uncertainty, steps };
         }
         coarse = position;
     }

@@ -12,7 +12,7 @@ use crate::simulation::{Simulation, integrators};
 use crate::{backward_euler, reference};
 
 const TICK: f64 = 1.0 / 60.0;
-/// The tick that is measured comes after so many.
+/// Number of ticks before the one that is measured.
 const TICKS_BEFORE: usize = 30;
 /// What Liu et al. take for a frame, ms.
 const THEIR_FRAME: f64 = 50.0;
@@ -68,8 +68,8 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         net.links.len(),
         number(way),
         truth.steps,
-        number(truth.doubt),
-        number(converged.doubt)
+        number(truth.uncertainty),
+        number(converged.uncertainty)
     ));
     section.table(table);
     let plot = Plot {
@@ -82,7 +82,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Numbers of substeps worth a try: from 1 for what is stable with any, from the bound for others.
+/// Numbers of substeps to try: from 1 for what is stable with any, from the bound for others.
 fn candidates(integrator: Integrator) -> Vec<Substeps> {
     if integrator == Integrator::Auto {
         return vec![Substeps::Auto];
@@ -95,7 +95,7 @@ fn candidates(integrator: Integrator) -> Vec<Substeps> {
     counts.iter().map(|count| Substeps::Fixed(*count)).collect()
 }
 
-/// The tick, and what it costs a scheme that has run before: the least of five, ms.
+/// The tick, and its cost after a first run: the minimum of five, ms.
 fn one_tick(net: &Net, integrator: Integrator, substeps: Substeps) -> (Simulation, f64) {
     let mut simulation = Simulation::new(net, integrator, substeps, TICK);
     let start = simulation.state.particles.clone();

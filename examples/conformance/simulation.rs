@@ -46,7 +46,7 @@ impl Simulation {
         Self::new(net, integrator, substeps, time_step)
     }
 
-    /// One tick; says what it cost, ms.
+    /// Runs one tick; returns its cost, ms.
     pub fn tick(&mut self) -> f64 {
         let start = Instant::now();
         step(&mut self.state, &self.settings);
@@ -55,7 +55,7 @@ impl Simulation {
         milliseconds
     }
 
-    /// So many ticks, or fewer if they end in infinities.
+    /// Runs a number of ticks, or fewer if the state becomes infinite.
     pub fn run(&mut self, ticks: usize) {
         for _ in 0..ticks {
             self.tick();

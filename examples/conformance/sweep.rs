@@ -15,10 +15,10 @@ const STIFFNESSES: [f64; 7] = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
 const SECONDS: f64 = 2.0;
 const SIDE: usize = 51;
 const SUBSTEPS: u32 = 16;
-/// The most energy above that of the start, J/N.
-const BAR: f64 = 0.01;
-/// A run that takes longer is cut short, s.
-const PATIENCE: f64 = 3.0;
+/// Maximum energy above that of the start, J/N.
+const MAX_ENERGY_GAIN: f64 = 0.01;
+/// Maximum computing time of a run, s.
+const MAX_COMPUTING_TIME: f64 = 3.0;
 
 pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     let mut section = Section::titled("Every stiffness");
@@ -27,8 +27,8 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
          is let go from horizontal with two corners pinned, and runs {SECONDS} s. `ImplicitEuler` gets one \
          substep a tick, `Auto` what it chooses, the others {SUBSTEPS}. Given is by how \
          much the total energy exceeds that of the start at most, and in the end, in J per newton of weight; the \
-         bar is +{BAR} at most. Otherwise: when the first particle became infinite, or the sheet had gained its \
-         own weight times 1 km. A run that takes more than {PATIENCE} s of computing is cut short, and it is said when."
+         bar is +{MAX_ENERGY_GAIN} at most. Otherwise: when the first particle became infinite, or the sheet had gained its \
+         own weight times 1 km. A run that takes more than {MAX_COMPUTING_TIME} s of computing is cut short, and it is said when."
     ));
     for (name, time_step) in [("1/60", 1.0 / 60.0), ("1/30", 1.0 / 30.0)] {
         let heads = ["scheme".to_owned()].into_iter();
@@ -83,17 +83,21 @@ fn fall(integrator: Integrator, stiffness: f64, time_step: f64) -> Outcome {
         simulation.tick();
         last = (simulation.energy() - start) / weight;
         if !simulation.is_finite() || last.is_nan() || last > 1e3 {
-            // What leaves springs stretched has their energy without moving.
+            // Stretched springs have energy without moving.
             let stretches = integrator == Integrator::Xpbd && simulation.is_finite();
             let what = if stretches { "stretches" } else { "explodes" };
             let text = format!("{what} in {:.2} s", tick as f64 * time_step);
             return Outcome { within_bar: false, text, choice };
         }
         most = f64::max(most, last);
-        if begin.elapsed().as_secs_f64() > PATIENCE {
+        if begin.elapsed().as_secs_f64() > MAX_COMPUTING_TIME {
             note += &format!(" at {:.2} s", tick as f64 * time_step);
             break;
         }
     }
-    Outcome { within_bar: most <= BAR, text: format!("{}, {}{note}", brief(most), brief(last)), choice }
+    Outcome {
+        within_bar: most <= MAX_ENERGY_GAIN,
+        text: format!("{}, {}{note}", brief(most), brief(last)),
+        choice,
+    }
 }

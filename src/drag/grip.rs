@@ -1,4 +1,4 @@
-//! The grip: what a press takes hold of, where the pointer wants it, and how it gets there.
+//! The grip: which particle a press grabs, its target under the pointer, and its motion towards it.
 
 use bevy::camera::visibility::RenderLayers;
 use bevy::picking::backend::ray::RayMap;
@@ -25,16 +25,16 @@ struct Held {
     plane: (Vec3, InfinitePlane3d),
     /// From the pointer to the particle's centre, in that plane, m.
     offset: Vec3,
-    /// Whether the `AppliedForce` is ours, to be removed in the end.
-    lent_force: bool,
+    /// Whether this module inserted the `AppliedForce`, and removes it in the end.
+    inserted_force: bool,
     /// The acceleration in m/s² that carries what hangs from the particle, found while pulling.
     load: Vec3,
-    /// The force before we added ours to it, and after, while a tick runs.
+    /// The force before the pull was added to it, and after, while a tick runs.
     pull: Option<(Vec3, Vec3)>,
 }
 
 impl Held {
-    /// Where the particle is wanted when the pointer looks along `ray`; `None` if it looks past the plane.
+    /// The target of the particle when the pointer looks along `ray`; `None` if the ray misses the plane.
     fn target(&self, ray: Ray3d) -> Option<Vec3> {
         Some(ray.plane_intersection_point(self.plane.0, self.plane.1)? + self.offset)
     }
@@ -47,7 +47,7 @@ type Particles<'w, 's> = Query<
     (With<Particle>, Without<Quarantined>),
 >;
 
-/// Takes hold on presses and lets go on releases.
+/// Grabs on presses and releases on releases.
 ///
 /// The raw stream of pointer inputs is read, and not the events that picking derives from it, because
 /// Ctrl with a button may be pressed where nothing is under the pointer.
@@ -88,30 +88,30 @@ pub(super) fn follow_presses(
                         camera,
                         plane,
                         offset,
-                        lent_force: false,
+                        inserted_force: false,
                         load: Vec3::ZERO,
                         pull: None,
                     };
                     Some(held)
                 });
             }
-            PointerAction::Release(button) => let_go_if(&mut grip, &mut forces, &mut commands, |held| {
+            PointerAction::Release(button) => release_if(&mut grip, &mut forces, &mut commands, |held| {
                 held.pointer == input.pointer_id && held.button == button
             }),
             PointerAction::Cancel => {
-                let_go_if(&mut grip, &mut forces, &mut commands, |held| held.pointer == input.pointer_id);
+                release_if(&mut grip, &mut forces, &mut commands, |held| held.pointer == input.pointer_id);
             }
             _ => {}
         }
     }
-    // A window that loses the focus may never hear of the release.
+    // A window that loses the focus may not get the release.
     let blurred = focus.read().any(|message| !message.focused);
-    let_go_if(&mut grip, &mut forces, &mut commands, |held| {
+    release_if(&mut grip, &mut forces, &mut commands, |held| {
         blurred || !settings.enabled || !particles.contains(held.particle) || !cameras.contains(held.camera)
     });
 }
 
-/// The particle that a pointer is over, and the camera through which it sees it.
+/// The particle that a pointer is over, and the camera of its ray.
 fn hovered(pointer: PointerId, hover: &HoverMap, particles: &Particles) -> Option<(Entity, Entity)> {
     let hits = hover.get(&pointer)?;
     hits.iter().find(|(entity, _)| particles.contains(**entity)).map(|(entity, hit)| (*entity, hit.camera))
@@ -152,16 +152,16 @@ fn ray_of(rays: &RayMap, camera: Entity, pointer: PointerId) -> Option<Ray3d> {
     rays.iter().find(|(id, _)| id.camera == camera && id.pointer == pointer).map(|(_, ray)| *ray)
 }
 
-fn let_go_if(
+fn release_if(
     grip: &mut Grip,
     forces: &mut Query<&AppliedForce>,
     commands: &mut Commands,
     condition: impl FnOnce(&Held) -> bool,
 ) {
     let Some(held) = grip.0.take_if(|held| condition(held)) else { return };
-    // The game may have made the force its own in the meantime: only an idle one is removed.
+    // The game may have set the force in the meantime: only a zero one is removed.
     let idle = forces.get(held.particle).is_ok_and(|force| force.0 == Vec3::ZERO);
-    if held.lent_force && idle {
+    if held.inserted_force && idle {
         commands.entity(held.particle).try_remove::<AppliedForce>();
     }
 }
@@ -184,7 +184,7 @@ pub(super) fn publish_hovered(
     drag.set_if_neq(published);
 }
 
-/// Finds where the pointer wants the particle, also from outside of the window while a button is held.
+/// Moves the target with the pointer, also from outside of the window while a button is held.
 pub(super) fn move_target(
     grip: Res<Grip>,
     pointers: Query<(&PointerId, &PointerLocation)>,
@@ -239,7 +239,7 @@ pub(super) fn pull_particle(
     let Some(mut force) = force else {
         // From the next tick on; commands cannot reach this one in every schedule.
         commands.entity(held.particle).try_insert(AppliedForce::default());
-        held.lent_force = true;
+        held.inserted_force = true;
         return;
     };
     let Ok(position) = helper.compute_global_transform(held.particle) else { return };
@@ -257,9 +257,9 @@ pub(super) fn pull_particle(
 /// The acceleration that brings a particle to rest at `away` from here.
 ///
 /// a = ω² away − 2 ω v, critically damped, and in addition the `load`, the integral of ω³/8 away: it
-/// finds out what hangs from the particle, which would else hang below the pointer by its weight.
+/// converges to the weight of what hangs from the particle, which would else sag below the pointer.
 /// All is held constant over a time step h. For u = ωh < 0.9 the eigenvalues of that recurrence are
-/// inside of the unit circle; 0.5 leaves room for the springs and dampers that pull as well.
+/// inside the unit circle; 0.5 leaves a margin for the springs and dampers that pull as well.
 fn pull_acceleration(
     away: Vec3,
     velocity: Vec3,
@@ -271,7 +271,7 @@ fn pull_acceleration(
     let frequency = if step > 0.0 { settings.frequency.min(0.5 / step) } else { settings.frequency };
     let wanted = frequency * frequency * away - 2.0 * frequency * velocity + *load;
     if wanted.length() <= limit {
-        // Only while the pull is not at its limit: a load must not build up towards what is out of reach.
+        // Only while the pull is not at its limit: the load must not wind up towards a target out of reach.
         *load += step * 0.125 * frequency.powi(3) * away;
         *load = load.clamp_length_max(0.5 * limit);
     }
@@ -279,7 +279,7 @@ fn pull_acceleration(
 }
 
 /// Puts the force back to what the game had set, to the last bit.
-pub(super) fn take_back_pull(mut grip: ResMut<Grip>, mut forces: Query<&mut AppliedForce>) {
+pub(super) fn remove_pull(mut grip: ResMut<Grip>, mut forces: Query<&mut AppliedForce>) {
     let Some(held) = &mut grip.0 else { return };
     let Some((before, after)) = held.pull.take() else { return };
     if let Ok(mut force) = forces.get_mut(held.particle)
@@ -338,7 +338,7 @@ mod tests {
             camera: Entity::PLACEHOLDER,
             plane: (Vec3::new(0.0, 0.0, -5.0), InfinitePlane3d::new(Vec3::Z)),
             offset: Vec3::new(0.1, 0.0, 0.0),
-            lent_force: false,
+            inserted_force: false,
             load: Vec3::ZERO,
             pull: None,
         };

@@ -1,21 +1,18 @@
 //! Picks particles with the pointer and drags them.
 //!
 //! `picking` is a backend of Bevy's picking that needs no meshes; `grip` follows the pointer. This
-//! room owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves particles as any game
-//! could, pinned ones by their `Transform` and free ones by their `AppliedForce`, and knows nothing of
-//! the solver.
+//! module owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves pinned
+//! particles by their `Transform` and free ones by their `AppliedForce`, and is independent of the solver.
 
 mod grip;
 mod picking;
 
 use bevy::app::Plugin;
-use bevy::ecs::intern::Interned;
-use bevy::ecs::schedule::ScheduleLabel;
 use bevy::input::InputSystems;
 use bevy::picking::{InteractionPlugin, PickingSystems};
 use bevy::prelude::*;
 
-use crate::MassSpringSystems;
+use crate::schedule::{MassSpringSystems, simulation_schedule};
 
 /// Lets the pointer drag particles.
 ///
@@ -30,34 +27,18 @@ use crate::MassSpringSystems;
 /// `MassSpringGizmosPlugin` (feature `gizmos`) finds it to draw a ring. Anything that
 /// covers the scene for Bevy's picking, such as an egui panel, covers the particles as well.
 ///
-/// Add it after `DefaultPlugins`. In an app without Bevy's picking it does nothing.
+/// In an app without Bevy's picking, which is part of `DefaultPlugins`, it does nothing.
 ///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_mass_spring::prelude::*;
 /// # let mut app = App::new();
 /// # app.add_plugins(MinimalPlugins);
-/// app.add_plugins((MassSpringPlugin::default(), ParticleDragPlugin::default()));
+/// app.add_plugins((MassSpringPlugin::default(), ParticleDragPlugin));
 /// # app.update();
 /// ```
-#[derive(Debug, Clone)]
-pub struct ParticleDragPlugin {
-    schedule: Interned<dyn ScheduleLabel>,
-}
-
-impl Default for ParticleDragPlugin {
-    fn default() -> Self {
-        Self::new(FixedPostUpdate)
-    }
-}
-
-impl ParticleDragPlugin {
-    /// Pulls free particles in `schedule`, which must be that of
-    /// [`MassSpringPlugin`](crate::MassSpringPlugin).
-    pub fn new(schedule: impl ScheduleLabel) -> Self {
-        Self { schedule: schedule.intern() }
-    }
-}
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ParticleDragPlugin;
 
 impl Plugin for ParticleDragPlugin {
     fn build(&self, app: &mut App) {
@@ -66,6 +47,10 @@ impl Plugin for ParticleDragPlugin {
             ParticleDragSettings,
             DragAnchor,
         )>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(schedule) = simulation_schedule(app) else { return };
         if !app.is_plugin_added::<InteractionPlugin>() {
             return;
         }
@@ -81,10 +66,10 @@ impl Plugin for ParticleDragPlugin {
                 ),
             )
             .add_systems(
-                self.schedule,
+                schedule,
                 (
                     grip::pull_particle.before(MassSpringSystems::Gather),
-                    grip::take_back_pull.after(MassSpringSystems::Scatter),
+                    grip::remove_pull.after(MassSpringSystems::Scatter),
                 ),
             );
     }
@@ -92,13 +77,16 @@ impl Plugin for ParticleDragPlugin {
 
 /// Which particle the pointer is over, and which it drags. Written by [`ParticleDragPlugin`] once a frame.
 #[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub struct ParticleDrag {
     /// The particle under the pointer.
     pub hovered: Option<Entity>,
     /// The particle in the pointer's grip.
     pub dragged: Option<Entity>,
-    /// Where the dragged particle is wanted, in world space, m.
+    /// The target of the dragged particle, in world space, m.
     pub target: Option<Vec3>,
     /// The camera through which the pointer sees the particle that is hovered or dragged.
     pub camera: Option<Entity>,
@@ -106,7 +94,9 @@ pub struct ParticleDrag {
 
 /// How [`ParticleDragPlugin`] picks and pulls.
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct ParticleDragSettings {
     /// Whether particles can be picked and dragged. Default true.
     pub enabled: bool,
@@ -114,7 +104,7 @@ pub struct ParticleDragSettings {
     /// Finite and >= 0, default 10.
     pub pick_radius: f32,
     /// The angular frequency ω, in rad/s, of the critically damped pull on a free particle:
-    /// F = m (ω² (target − x) − 2 ω v − g), and what it takes to carry what hangs from it. Finite and
+    /// F = m (ω² (target − x) − 2 ω v − g), plus the weight of what hangs from it. Finite and
     /// > 0, default 25.
     ///
     /// At time steps above 1/60 s, a smaller one is used where this one would be unstable.
@@ -132,5 +122,7 @@ impl Default for ParticleDragSettings {
 
 /// Marks the particle that Ctrl with the middle or right button drags from anywhere.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct DragAnchor;

@@ -74,7 +74,7 @@ struct Hit {
     miss: f32,
 }
 
-/// Spheres that the ray goes through win over those that are only near; then the nearest wins.
+/// Spheres that the ray goes through are preferred to those that are only near; then the nearest is taken.
 fn nearest_hit(
     ray: Ray3d,
     spheres: impl Iterator<Item = (Entity, Vec3, f32)>,
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_that_is_hit_wins_over_a_nearer_one_that_is_missed() {
+    fn a_sphere_that_is_hit_is_preferred_to_a_nearer_one_that_is_missed() {
         let [far, near] = [1, 2].map(|index| Entity::from_raw_u32(index).unwrap());
         let spheres = [(near, Vec3::new(0.05, 0.0, -2.0), 0.01), (far, Vec3::new(0.0, 0.0, -5.0), 0.1)];
         let scale = PixelScale {

@@ -11,11 +11,11 @@ use crate::spring::Spring;
 
 /// The length of the plotted window, s.
 pub(super) const SECONDS: f64 = 10.0;
-/// At most this many samples of energy are kept.
-const ENERGY_SAMPLES: usize = 800;
-/// At most this many points are plotted along the springs.
-const TENSION_POINTS: usize = 400;
-/// The cost is averaged over this many ticks.
+/// Maximum number of energy samples that are kept.
+const MAX_ENERGY_SAMPLES: usize = 800;
+/// Maximum number of points that are plotted along the springs.
+const MAX_TENSION_POINTS: usize = 400;
+/// Number of ticks over which the cost is averaged.
 const COST_SAMPLES: usize = 60;
 
 /// Energies at one moment, in J.
@@ -27,7 +27,7 @@ pub(super) struct EnergySample {
     pub(super) gravitational: f64,
 }
 
-/// The recorded past, in rings of fixed length.
+/// The recorded samples, in ring buffers of fixed length.
 #[derive(Resource, Default)]
 pub(super) struct History {
     pub(super) energy: VecDeque<EnergySample>,
@@ -46,12 +46,12 @@ impl History {
     }
 
     fn record_energy(&mut self, time: f64, measurements: &Measurements) {
-        let interval = SECONDS / ENERGY_SAMPLES as f64;
+        let interval = SECONDS / MAX_ENERGY_SAMPLES as f64;
         // Half a microsecond of tolerance: the time is a sum of rounded steps.
         if self.energy.back().is_some_and(|last| time - last.time < interval - 5e-7) {
             return;
         }
-        while self.energy.len() >= ENERGY_SAMPLES
+        while self.energy.len() >= MAX_ENERGY_SAMPLES
             || self.energy.front().is_some_and(|first| time - first.time > SECONDS)
         {
             self.energy.pop_front();
@@ -73,8 +73,8 @@ impl History {
     }
 }
 
-/// A tick counter that runs backwards means a restart: the past is forgotten.
-pub(super) fn forget_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
+/// A tick counter that runs backwards means a restart: the history is cleared.
+pub(super) fn reset_after_restart(mut history: ResMut<History>, report: Res<TickReport>) {
     if report.tick < history.last_tick {
         *history = History { last_tick: report.tick, ..default() };
     }
@@ -94,7 +94,7 @@ pub(super) fn record_history(
 
     let count = springs.iter().len();
     // Long nets are plotted as the largest tension of each group of neighbours.
-    let group = count.div_ceil(TENSION_POINTS).max(1);
+    let group = count.div_ceil(MAX_TENSION_POINTS).max(1);
     history.tension.clear();
     for (index, spring) in springs.iter().enumerate() {
         let tension = particles.get_many(spring.particles).map_or(0.0, |ends| tension(spring, ends));
@@ -129,7 +129,7 @@ mod tests {
             history.record_energy(f64::from(tick) * 1e-3, &Measurements::default());
         }
         let (first, last) = (history.energy.front().unwrap().time, history.energy.back().unwrap().time);
-        assert!(history.energy.len() <= ENERGY_SAMPLES);
+        assert!(history.energy.len() <= MAX_ENERGY_SAMPLES);
         assert!((last - first) > 0.9 * SECONDS && (last - first) <= SECONDS + 1e-9, "{first} to {last}");
     }
 

@@ -1,7 +1,6 @@
 //! An egui panel with every parameter of the simulation, live, and plots of what it does.
 //!
-//! This folder is the only place that names egui. It reads and writes components, settings and
-//! resources as any game could: `parameters` holds the widgets, `history` what the plots
+//! Only this module uses egui. It reads and writes components, settings and resources: `parameters` holds the widgets, `history` what the plots
 //! show, `plots` the plots. An app adds sections of its own with [`AppPanelSection`].
 
 mod history;
@@ -13,13 +12,14 @@ mod widgets;
 use bevy::app::Plugin;
 use bevy::ecs::system::SystemId;
 use bevy::prelude::*;
+use bevy::window::WindowPlugin;
 use bevy_egui::{
     EguiContext, EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, PrimaryEguiContext, egui,
 };
 
-use crate::MassSpringSystems;
-use crate::diagnostics::MassSpringDiagnosticsPlugin;
+use crate::diagnostics::Measurements;
 use crate::particle::Particle;
+use crate::schedule::{MassSpringSystems, simulation_schedule, time_advances};
 use crate::snapshot::RestoreInitialState;
 use crate::spring::Spring;
 
@@ -30,28 +30,35 @@ use crate::spring::Spring;
 /// along the springs, and shows the cost of a tick. Pointer and keyboard input that is meant for it is
 /// kept from the rest of the app (it switches on `enable_absorb_bevy_input_system` of bevy_egui).
 ///
-/// Add it after `DefaultPlugins`; it adds bevy_egui and [`MassSpringDiagnosticsPlugin`] unless they
-/// are there. It is drawn on the camera that carries bevy_egui's primary context. Apps add sections
-/// with [`AppPanelSection::add_panel_section`], and switch it on and off through [`MassSpringPanel`].
+/// Add it after `DefaultPlugins`; it adds bevy_egui unless it is there. In an app without Bevy's
+/// `WindowPlugin`, such as a headless one, it does nothing. It is drawn on the camera that carries
+/// bevy_egui's primary context. Apps add sections with [`AppPanelSection::add_panel_section`], and switch
+/// it on and off through [`MassSpringPanel`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MassSpringPanelPlugin;
 
 impl Plugin for MassSpringPanelPlugin {
     fn build(&self, app: &mut App) {
+        app.init_resource::<MassSpringPanel>();
+        if !app.is_plugin_added::<WindowPlugin>() {
+            return;
+        }
         if !app.is_plugin_added::<EguiPlugin>() {
             app.add_plugins(EguiPlugin::default());
         }
-        if !app.is_plugin_added::<MassSpringDiagnosticsPlugin>() {
-            app.add_plugins(MassSpringDiagnosticsPlugin);
-        }
-        app.init_resource::<MassSpringPanel>()
+        app.init_resource::<Measurements>()
             .init_resource::<history::History>()
-            .add_systems(PreUpdate, history::forget_after_restart)
-            .add_systems(FixedLast, history::record_history.after(MassSpringSystems::Scatter))
+            .add_systems(PreUpdate, history::reset_after_restart)
             .add_systems(EguiPrimaryContextPass, draw_panel.in_set(MassSpringPanelSystems));
     }
 
     fn finish(&self, app: &mut App) {
+        if let Some(schedule) = simulation_schedule(app)
+            && app.world().contains_resource::<history::History>()
+        {
+            let record = history::record_history.after(MassSpringSystems::Scatter).run_if(time_advances);
+            app.add_systems(schedule, record);
+        }
         if let Some(mut settings) = app.world_mut().get_resource_mut::<EguiGlobalSettings>() {
             settings.enable_absorb_bevy_input_system = true;
         }
@@ -95,11 +102,11 @@ pub trait AppPanelSection {
     /// use bevy_mass_spring::panel::AppPanelSection;
     /// use bevy_mass_spring::prelude::*;
     ///
-    /// fn draw_census(mut ui: InMut<egui::Ui>, particles: Query<&Particle>) {
+    /// fn draw_count(mut ui: InMut<egui::Ui>, particles: Query<&Particle>) {
     ///     ui.label(format!("{} particles", particles.iter().len()));
     /// }
     ///
-    /// App::new().add_panel_section("Census", draw_census);
+    /// App::new().add_panel_section("Count", draw_count);
     /// ```
     fn add_panel_section<M>(
         &mut self,

@@ -10,10 +10,10 @@ use super::history::{EnergySample, History, SECONDS};
 use super::widgets::{TEXT_SIZE, number};
 
 const HEIGHT: f32 = 92.0;
-/// Up to this many springs are marked one by one.
-const MARKED_SPRINGS: usize = 40;
-/// Beyond this magnitude a value is not plotted: egui's arithmetic on pixels is in f32.
-const LARGEST: f64 = 1e30;
+/// Maximum number of springs that are marked one by one.
+const MAX_MARKED_SPRINGS: usize = 40;
+/// Maximum magnitude that is plotted: egui's arithmetic on pixels is in f32.
+const MAX_VALUE: f64 = 1e30;
 
 /// Kinetic, elastic, gravitational and total energy over the last seconds.
 pub(super) fn draw_energy(mut ui: InMut<Ui>, history: Res<History>) {
@@ -42,7 +42,7 @@ pub(super) fn draw_energy(mut ui: InMut<Ui>, history: Res<History>) {
                     .energy
                     .iter()
                     .map(|sample| [sample.time - now, quantity(sample)])
-                    .filter(|point| point[1].abs() < LARGEST)
+                    .filter(|point| point[1].abs() < MAX_VALUE)
                     .collect();
                 plot.line(Line::new(name, points).color(color).width(1.5));
             }
@@ -56,13 +56,13 @@ pub(super) fn draw_tension(mut ui: InMut<Ui>, history: Res<History>, springs: Qu
     }
     title(&mut ui, "Tension (N) along the springs");
     let points = || -> PlotPoints {
-        history.tension.iter().copied().filter(|point| point[1].abs() < LARGEST).collect()
+        history.tension.iter().copied().filter(|point| point[1].abs() < MAX_VALUE).collect()
     };
     let color = Color32::from_rgb(240, 190, 90);
     plain_plot("tension").x_grid_spacer(egui_plot::uniform_grid_spacer(whole_steps)).show(&mut ui, |plot| {
         plot.hline(HLine::new("", 0.0).color(Color32::from_gray(90)).width(1.0));
         plot.line(Line::new("tension", points()).color(color).fill(0.0).fill_alpha(0.15));
-        if history.tension.len() <= MARKED_SPRINGS {
+        if history.tension.len() <= MAX_MARKED_SPRINGS {
             plot.points(Points::new("tension", points()).color(color).radius(2.0));
         }
     });

@@ -16,7 +16,7 @@ use crate::time_control::SingleStep;
 pub(super) fn draw_transport(
     mut ui: InMut<Ui>,
     mut time: ResMut<Time<Virtual>>,
-    mut single_step: ResMut<SingleStep>,
+    single_step: Option<ResMut<SingleStep>>,
     report: Res<TickReport>,
     fixed_time: Res<Time<Fixed>>,
     mut commands: Commands,
@@ -26,7 +26,10 @@ pub(super) fn draw_transport(
         if ui.button(if paused { "▶ Start" } else { "⏸ Pause" }).clicked() {
             if paused { time.unpause() } else { time.pause() }
         }
-        if ui.add_enabled(paused, egui::Button::new("⏭ Step")).clicked() {
+        // Without `SingleStepPlugin` there is no such button.
+        if let Some(mut single_step) = single_step
+            && ui.add_enabled(paused, egui::Button::new("⏭ Step")).clicked()
+        {
             single_step.request();
         }
         if ui.button("⟲ Restart").on_hover_text("positions and velocities; the parameters stay").clicked() {

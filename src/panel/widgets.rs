@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use bevy_egui::egui::{self, DragValue, Response, Slider, SliderClamping, Ui};
 
-/// The size of text that comments on other things, in points.
+/// The size of annotations, in points.
 pub(super) const TEXT_SIZE: f32 = 11.0;
 
 /// A collapsible section, open at first.
@@ -66,9 +66,9 @@ pub(super) fn field(ui: &mut Ui, value: &mut f32, range: RangeInclusive<f32>) ->
     ui.add(field.custom_formatter(|value, _| number(value)).update_while_editing(false))
 }
 
-/// Gives `value` what was dragged or typed, and returns it.
+/// Sets `value` to what was dragged or typed, and returns it.
 ///
-/// A field that was entered and left as it was hands back its rounded text: that is no edit.
+/// A field that was focused but not edited returns its rounded text: that is no edit.
 fn take_over(new: Option<f64>, value: &mut f32, range: RangeInclusive<f32>) -> f64 {
     let shown = number(f64::from(*value)).parse();
     if let Some(new) = new.filter(|new| new.is_finite() && shown != Ok(*new)) {

@@ -20,16 +20,16 @@ use super::spawn::SpawnedScene;
 ///
 /// Particles live in world space, so they do not become children of this entity. It gets a
 /// [`SpawnedScene`] that lists them, and when it is despawned, so are they. Removing only the
-/// [`SpawnedScene`] spawns the scene afresh.
+/// [`SpawnedScene`] spawns the scene again.
 ///
-/// The settings of the scene (gravity, time step, scheme …) belong to the whole app and are left
-/// alone: call [`MassSpringScene::apply_settings`] to take them over, for example in an observer of
+/// The settings of the scene (gravity, time step, scheme …) belong to the whole app and are not
+/// touched: call [`MassSpringScene::apply_settings`] to apply them, for example in an observer of
 /// `On<Insert, SpawnedScene>`.
 #[derive(Component, Reflect, Debug, Clone, Default, PartialEq, Eq, Deref, DerefMut)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 pub struct MassSpringSceneRoot(pub Handle<MassSpringScene>);
 
-/// Loads `*.scene.ron` files. The plugin registers it in apps that have an [`AssetServer`].
+/// Loads `*.scene.ron` files. [`MassSpringScenePlugin`] registers it.
 #[derive(Debug, Clone, Copy, Default, TypePath)]
 pub struct MassSpringSceneLoader;
 
@@ -58,17 +58,24 @@ impl AssetLoader for MassSpringSceneLoader {
     }
 }
 
-/// At build time: registers types, and the loader if assets are there already.
-pub(crate) fn plugin(app: &mut App) {
-    app.register_type::<(MassSpringSceneRoot, SpawnedScene)>();
-    register_loader(app);
+/// Loads `*.scene.ron` files and spawns the scene of each [`MassSpringSceneRoot`], in apps with Bevy's
+/// `AssetPlugin`, added before or after this plugin. [`MassSpringPlugin`](crate::MassSpringPlugin)
+/// adds it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct MassSpringScenePlugin;
+
+impl Plugin for MassSpringScenePlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<(MassSpringSceneRoot, SpawnedScene)>();
+        register_loader(app);
+    }
+
+    fn finish(&self, app: &mut App) {
+        register_loader(app);
+    }
 }
 
-/// After all plugins are built: registers the loader if assets came later than this plugin.
-pub(crate) fn finish(app: &mut App) {
-    register_loader(app);
-}
-
+/// Adds the loader, unless it is there or there are no assets (yet).
 fn register_loader(app: &mut App) {
     let registered = app.world().contains_resource::<Assets<MassSpringScene>>();
     if registered || !app.world().contains_resource::<AssetServer>() {

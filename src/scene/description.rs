@@ -18,13 +18,13 @@ use crate::settings::{Integrator, SolverSettings, Substeps};
 pub struct MassSpringScene {
     /// Gravity and viscosity. Optional in the file.
     #[serde(default)]
-    pub environment: SceneEnvironment,
+    pub environment: Environment,
     /// Time step, scheme and substeps. Optional in the file.
     #[serde(default)]
     pub solver: SceneSolver,
     /// Which collisions act, and how particles rebound from each other. Optional in the file.
     #[serde(default)]
-    pub collisions: SceneCollisions,
+    pub collisions: CollisionSettings,
     /// The particles. Springs refer to them by their index in this list.
     pub particles: Vec<SceneParticle>,
     /// The springs. Optional in the file.
@@ -33,29 +33,6 @@ pub struct MassSpringScene {
     /// The solid half-spaces. Optional in the file.
     #[serde(default)]
     pub planes: Vec<ScenePlane>,
-}
-
-/// Gravity and the viscosity of the medium.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "Environment", default, deny_unknown_fields)]
-pub struct SceneEnvironment {
-    /// Acceleration of gravity in m/s², finite. Default (0, −9.81, 0).
-    pub gravity: Vec3,
-    /// Viscosity of the medium in N·s/m, finite and >= 0. Default 0.
-    pub viscosity: f32,
-}
-
-impl Default for SceneEnvironment {
-    fn default() -> Self {
-        let Environment { gravity, viscosity, .. } = Environment::default();
-        Self { gravity, viscosity }
-    }
-}
-
-impl From<SceneEnvironment> for Environment {
-    fn from(scene: SceneEnvironment) -> Self {
-        Self { gravity: scene.gravity, viscosity: scene.viscosity, ..Self::default() }
-    }
 }
 
 /// The time step and how it is integrated.
@@ -81,34 +58,6 @@ impl Default for SceneSolver {
 impl From<SceneSolver> for SolverSettings {
     fn from(scene: SceneSolver) -> Self {
         Self { integrator: scene.integrator, substeps: scene.substeps }
-    }
-}
-
-/// Which collisions act, and how particles rebound from each other.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename = "Collisions", default, deny_unknown_fields)]
-pub struct SceneCollisions {
-    /// Whether particles collide with planes. Default true.
-    pub ground: bool,
-    /// Whether particles collide with particles. Default true.
-    pub particles: bool,
-    /// Restitution of particle against particle, 0 to 1. Default 0.
-    pub restitution: f32,
-    /// Coulomb friction of particle against particle, finite and >= 0. Default 0.
-    pub friction: f32,
-}
-
-impl Default for SceneCollisions {
-    fn default() -> Self {
-        let CollisionSettings { ground, particles, restitution, friction } = CollisionSettings::default();
-        Self { ground, particles, restitution, friction }
-    }
-}
-
-impl From<SceneCollisions> for CollisionSettings {
-    fn from(scene: SceneCollisions) -> Self {
-        let SceneCollisions { ground, particles, restitution, friction } = scene;
-        Self { ground, particles, restitution, friction }
     }
 }
 

@@ -7,6 +7,7 @@ use std::io;
 ///
 /// Prints as `chain.scene.ron:12:40: particles[3].mass is -1.0, expected a finite number > 0`.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub struct SceneError {
     /// The file, if the scene was read from one.
     pub file: Option<String>,

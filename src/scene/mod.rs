@@ -4,7 +4,7 @@
 //! [`MassSpringScene::from_ron`], which refuse bad values with a [`SceneError`] that says where they
 //! stand; or it is loaded as a Bevy asset and spawned by a [`MassSpringSceneRoot`]. Either way it
 //! becomes ordinary entities with [`Particle`](crate::Particle), [`Spring`](crate::Spring) and
-//! [`PlaneCollider`](crate::PlaneCollider): nothing here knows the solver.
+//! [`PlaneCollider`](crate::PlaneCollider): this module is independent of the solver.
 //!
 //! ```
 //! use bevy::prelude::*;
@@ -36,10 +36,7 @@ mod reader;
 mod spawn;
 mod validate;
 
-pub use asset::{MassSpringSceneLoader, MassSpringSceneRoot};
-pub(crate) use asset::{finish, plugin};
-pub use description::{
-    MassSpringScene, SceneCollisions, SceneEnvironment, SceneParticle, ScenePlane, SceneSolver, SceneSpring,
-};
+pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
+pub use description::{MassSpringScene, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
 pub use spawn::SpawnedScene;

@@ -85,8 +85,8 @@ fn parse(text: &str) -> Result<MassSpringScene, SceneError> {
 /// The place where the value at `path` begins in `text`, which has been parsed before; for a field
 /// that is not written there, the place where its parent begins.
 ///
-/// Serde hands out values without their places, so the text is read a second time, only to stop at
-/// the value in question: the error of a RON reader does say where it stopped.
+/// Serde returns values without their positions, so the text is read a second time, up to the value in
+/// question: the error of a RON reader contains the position where it stopped.
 fn locate(text: &str, path: &Path) -> Option<Position> {
     (0..=path.0.len()).rev().find_map(|depth| {
         let stopped = options().from_str_seed(text, Stop { path: &path.0[..depth] }).err()?;
@@ -95,7 +95,7 @@ fn locate(text: &str, path: &Path) -> Option<Position> {
     })
 }
 
-/// Reads on along a path, ignoring all else, and fails when it reaches the end of the path.
+/// Reads along a path, ignoring all other values, and fails at the end of the path.
 #[derive(Clone, Copy)]
 struct Stop<'path> {
     path: &'path [Step],

@@ -6,8 +6,7 @@ use bevy::math::{DQuat, DVec3};
 use bevy::prelude::*;
 
 use super::description::{MassSpringScene, ScenePlane};
-use crate::collider::{CollisionSettings, PlaneCollider};
-use crate::environment::Environment;
+use crate::collider::PlaneCollider;
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::SolverSettings;
 use crate::spring::Spring;
@@ -16,9 +15,10 @@ use crate::spring::Spring;
 ///
 /// As a component (a [`MassSpringSceneRoot`](super::MassSpringSceneRoot) gets it once its scene is
 /// spawned) it owns them: they are despawned when it is removed, or its entity despawned.
-#[derive(Component, Reflect, Debug, Clone, Default, PartialEq, Eq)]
-#[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[derive(Component, Reflect, Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[component(on_remove = despawn_owned, clone_behavior = Ignore)]
+#[non_exhaustive]
 pub struct SpawnedScene {
     /// The particles.
     pub particles: Vec<Entity>,
@@ -90,16 +90,17 @@ impl MassSpringScene {
         SpawnedScene { particles, springs, planes }
     }
 
-    /// Sets [`Environment`], [`SolverSettings`] and [`CollisionSettings`] to those of the scene, and
+    /// Sets [`Environment`](crate::Environment), [`SolverSettings`] and
+    /// [`CollisionSettings`](crate::CollisionSettings) to those of the scene, and
     /// the time step of `Time<Fixed>`.
     ///
     /// `Time<Virtual>` cuts long frames: where its limit is shorter than the time step, no frame would
     /// hold a whole tick, so the limit is raised to the time step. A time step that is
     /// [not valid](super::SceneSolver::tick) leaves the clocks as they are.
     pub fn apply_settings(&self, world: &mut World) {
-        world.insert_resource(Environment::from(self.environment));
+        world.insert_resource(self.environment);
         world.insert_resource(SolverSettings::from(self.solver));
-        world.insert_resource(CollisionSettings::from(self.collisions));
+        world.insert_resource(self.collisions);
         let Ok(tick) = self.solver.tick() else {
             return;
         };

@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use super::description::{MassSpringScene, ScenePlane, SceneSolver, SceneSpring};
 use super::error::{SceneError, SceneErrorReason};
-use crate::collider::{CollisionSettings, PlaneCollider};
-use crate::environment::Environment;
+use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::Particle;
 use crate::settings::Substeps;
@@ -35,7 +34,7 @@ impl fmt::Display for Path {
     }
 }
 
-/// The first broken rule of a scene, and the field that breaks it.
+/// The first violated rule of a scene, and the field at fault.
 pub(super) struct Fault {
     pub path: Path,
     pub reason: SceneErrorReason,
@@ -105,18 +104,14 @@ impl MassSpringScene {
     }
 
     fn check_settings(&self) -> Result<(), Fault> {
-        Environment::from(self.environment)
-            .validate()
-            .map_err(|invalid| Fault::new(&[Step::Field("environment")], invalid))?;
+        self.environment.validate().map_err(|invalid| Fault::new(&[Step::Field("environment")], invalid))?;
         let solver = [Step::Field("solver")];
         self.solver.tick().map_err(|invalid| Fault::new(&solver, invalid))?;
         if self.solver.substeps == Substeps::Fixed(0) {
             let expected = "Auto or Fixed(n) with n >= 1".to_owned();
             return Err(Fault::with_expected(&solver, "substeps", "Fixed(0)".to_owned(), expected));
         }
-        CollisionSettings::from(self.collisions)
-            .validate()
-            .map_err(|invalid| Fault::new(&[Step::Field("collisions")], invalid))
+        self.collisions.validate().map_err(|invalid| Fault::new(&[Step::Field("collisions")], invalid))
     }
 
     fn check_spring(&self, index: usize, spring: &SceneSpring) -> Result<(), Fault> {

@@ -1,10 +1,10 @@
 //! Particles into arrays.
 
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
 
 use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
+use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;

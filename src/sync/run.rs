@@ -1,7 +1,8 @@
 //! The step: which scheme runs, in how many substeps, and how long it took.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
 use crate::collider::{CollisionSettings, Contact};

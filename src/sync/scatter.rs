@@ -1,10 +1,10 @@
 //! Arrays back into components, and what the tick has to tell.
 
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
 
 use bevy::ecs::change_detection::ContiguousMut;
 use bevy::ecs::system::SystemParam;
+use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
 use crate::collider::Contact;

@@ -1,4 +1,4 @@
-//! What the simulation does in the hands of the command line.
+//! The simulation, run by the command line.
 
 use std::fs;
 
@@ -89,7 +89,7 @@ fn an_explosion_is_exit_status_1_with_all_outputs_written() {
     let message = errors(&output);
     let tick = message.trim_end().strip_prefix("particle 1 became non-finite in tick ").expect(&message);
     assert!((2..100).contains(&tick.parse::<u64>().unwrap()), "{message}");
-    // The scheme that the crate promises to be stable is.
+    // `Auto` is stable.
     assert_eq!(place.summary(&["--integrator", "Auto", "--substeps", "auto"])["finite"], true);
 }
 

@@ -110,7 +110,7 @@ fn the_csv_has_the_initial_state_every_nth_tick_and_the_last() {
 #[test]
 fn outputs_go_where_they_are_sent() {
     let place = Workplace::with_scene(&shipped("pendulum"));
-    // Both into files, one of which is longer than what comes.
+    // Both into files, one of which is longer than its new content.
     fs::write(place.path("states.csv"), "x".repeat(100_000)).unwrap();
     let output = place.run(&["--ticks", "2", "--csv", "states.csv", "--json", "summary.json"]);
     assert_eq!((status(&output), output.stdout.len()), (0, 0));
@@ -134,7 +134,7 @@ fn outputs_go_where_they_are_sent() {
 }
 
 #[test]
-fn a_reader_that_goes_away_is_no_panic() {
+fn a_closed_pipe_is_no_panic() {
     let place = Workplace::with_scene(&shipped("net"));
     let mut child = place
         .command(&["run", "a.scene.ron", "--duration", "3600", "--csv", "-"])
@@ -152,7 +152,7 @@ fn a_reader_that_goes_away_is_no_panic() {
 }
 
 #[test]
-fn check_says_how_a_scene_would_run() {
+fn check_describes_how_a_scene_would_run() {
     let place = Workplace::with_scene(
         "(
             solver: (time_step: 0.02, integrator: RungeKutta4, substeps: Fixed(3)),
@@ -191,7 +191,7 @@ this scene would run    RungeKutta4, 3 substeps a tick
 /// A soft pendulum and a stiff one: each by its own scheme. The summary names that of the soft part, and its
 /// substeps.
 #[test]
-fn what_runs_in_a_mixture_is_said() {
+fn the_schemes_of_a_mixture_are_reported() {
     let place = Workplace::with_scene(
         "(
             particles: [

@@ -1,11 +1,11 @@
-//! A logger that keeps what the crate says, for the tests of warnings.
+//! A logger that records the lines of the crate, for the tests of warnings.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use log::{Level, LevelFilter, Log, Metadata, Record};
 
 static LINES: Mutex<Vec<(Level, String)>> = Mutex::new(Vec::new());
-static TURN: Mutex<()> = Mutex::new(());
+static HOLDER: Mutex<()> = Mutex::new(());
 static RECORDER: Recorder = Recorder;
 
 struct Recorder;
@@ -31,20 +31,20 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The lines logged while this exists.
 ///
 /// The log belongs to the whole process, so only one test at a time holds it: in a test binary that
-/// uses it, every test that may make the crate complain must hold it.
+/// uses it, every test that may make the crate log must hold it.
 pub struct Logged(#[expect(dead_code, reason = "held for its drop")] MutexGuard<'static, ()>);
 
 impl Logged {
     pub fn start() -> Self {
-        let turn = lock(&TURN);
+        let holder = lock(&HOLDER);
         // Another test of this process may have installed it already.
         let _ = log::set_logger(&RECORDER);
         log::set_max_level(LevelFilter::Trace);
         lock(&LINES).clear();
-        Self(turn)
+        Self(holder)
     }
 
-    /// What was logged since the last call, in words.
+    /// The lines logged since the last call.
     pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut *lock(&LINES)).into_iter().map(|(_, line)| line).collect()
     }

@@ -32,7 +32,7 @@ fn update_until(app: &mut App, mut done: impl FnMut(&World) -> bool) {
 }
 
 #[test]
-fn a_root_spawns_its_scene_and_takes_it_away() {
+fn a_root_spawns_and_despawns_its_scene() {
     for physics_first in [false, true] {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
         let mut app = app_with_assets(&folder, physics_first);
@@ -46,7 +46,7 @@ fn a_root_spawns_its_scene_and_takes_it_away() {
         app.update();
         assert_eq!(app.world().get::<SpawnedScene>(root), Some(&spawned), "spawned once");
 
-        // One that the game despawned by itself is no matter.
+        // One that the game despawned before is ignored.
         app.world_mut().despawn(spawned.springs[0]);
         app.world_mut().despawn(root);
         app.world_mut().flush();
@@ -55,7 +55,7 @@ fn a_root_spawns_its_scene_and_takes_it_away() {
 }
 
 #[test]
-fn removing_the_spawned_scene_spawns_it_afresh() {
+fn removing_the_spawned_scene_spawns_it_again() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
     let mut app = app_with_assets(&folder, false);
     let handle = app.world().resource::<AssetServer>().load("scenes/pendulum.scene.ron");
@@ -70,7 +70,7 @@ fn removing_the_spawned_scene_spawns_it_afresh() {
 }
 
 #[test]
-fn a_scene_that_fails_to_load_says_why() {
+fn a_scene_that_fails_to_load_reports_why() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("bad.scene.ron"), "(particles: [(position: (0, 0, 0), mass: 0)])")
         .unwrap();

@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::scene::{
-    SceneCollisions, SceneEnvironment, SceneParticle, ScenePlane, SceneSolver, SceneSpring,
-};
+use bevy_mass_spring::scene::{SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 
 use crate::EXAMPLE;
 
@@ -42,12 +40,17 @@ fn the_defaults() {
         planes: [(normal: (0, 0, 1))],
     )";
     let scene = MassSpringScene::from_ron(text).unwrap();
-    let environment = SceneEnvironment { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.0 };
+    let environment = Environment {
+        gravity: Vec3::new(0.0, -9.81, 0.0),
+        gravity_enabled: true,
+        viscosity: 0.0,
+        viscosity_enabled: true,
+    };
     assert_eq!(scene.environment, environment);
     let solver =
         SceneSolver { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: Substeps::Auto };
     assert_eq!(scene.solver, solver);
-    let collisions = SceneCollisions { ground: true, particles: true, restitution: 0.0, friction: 0.0 };
+    let collisions = CollisionSettings { ground: true, particles: true, restitution: 0.0, friction: 0.0 };
     assert_eq!(scene.collisions, collisions);
     let SceneParticle { velocity, radius, pinned, .. } = scene.particles[0];
     assert_eq!((velocity, radius, pinned), (Vec3::ZERO, 0.0, false));
@@ -64,6 +67,23 @@ fn a_section_may_be_written_in_part() {
     assert_eq!(scene.environment.gravity.y, -9.81);
     assert_eq!((scene.solver.time_step, scene.solver.substeps), (1.0 / 60.0, Substeps::Fixed(8)));
     assert!(scene.collisions.particles && !scene.collisions.ground);
+}
+
+#[test]
+fn forces_may_be_switched_off_without_losing_their_values() {
+    let text =
+        "(environment: (gravity_enabled: false, viscosity: 2, viscosity_enabled: false), particles: [])";
+    let scene = MassSpringScene::from_ron(text).unwrap();
+    assert_eq!((scene.environment.gravity.y, scene.environment.viscosity), (-9.81, 2.0));
+    assert_eq!(scene.environment.effective_gravity(), Vec3::ZERO);
+    assert_eq!(scene.environment.effective_viscosity(), 0.0);
+    assert_eq!(MassSpringScene::from_ron(&scene.to_ron()).unwrap(), scene);
+}
+
+#[test]
+fn a_section_may_be_named() {
+    let text = "(environment: Environment(), solver: Solver(), collisions: Collisions(), particles: [])";
+    assert_eq!(MassSpringScene::from_ron(text).unwrap(), MassSpringScene::default());
 }
 
 fn shipped_scenes() -> Vec<PathBuf> {

@@ -1,4 +1,4 @@
-//! What is refused, where it stands, and in which words.
+//! What is refused, with the position and message of each error.
 
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::scene::{Position, SceneErrorReason};
@@ -153,6 +153,8 @@ fn malformed_text_is_refused_with_place_and_field() {
         // A field that does not exist.
         (two_particles_and("springs: [\n(particles: (0, 1), stifness: 5)]"), 7, "springs[0]", "stifness"),
         (two_particles_and("sprigns: []"), 6, "", "`sprigns`"),
+        (two_particles_and("environment: (\nviscosty: 1)"), 7, "environment", "`viscosty` in `Environment`"),
+        (two_particles_and("collisions: (\ngroud: true)"), 7, "collisions", "`groud` in `Collisions`"),
         // A field that must be there.
         (two_particles_and("springs: [\n(particles: (0, 1))]"), 7, "springs[0]", "`stiffness`"),
         ("(\n)".to_owned(), 2, "", "`particles`"),
@@ -171,7 +173,7 @@ fn malformed_text_is_refused_with_place_and_field() {
             "particles[0].pinned",
             "bool",
         ),
-        // Names that are none.
+        // Unknown names.
         (
             "(\nsolver: (integrator: Leapfrog), particles: [])".to_owned(),
             2,

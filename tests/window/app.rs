@@ -103,7 +103,7 @@ impl Viewer {
         self.button(MouseButton::Left, ButtonState::Released);
     }
 
-    /// Drags from one place to another in a few steps, and lets go.
+    /// Drags from one place to another in a few steps, and releases.
     pub fn drag(&mut self, button: MouseButton, from: Vec2, to: Vec2) {
         self.move_cursor(from);
         self.button(button, ButtonState::Pressed);

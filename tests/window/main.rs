@@ -1,8 +1,8 @@
-//! The window, for real: the chain example's own plugins, a simulated mouse and keyboard, and a picture.
+//! The window: the chain example's own plugins, a simulated mouse and keyboard, and a picture.
 //!
 //! Bevy's window is there but winit is not: what winit would report is written as messages, and the
 //! picture is drawn into an image. So this needs no display; the picture needs a Vulkan adapter. It has
-//! a main function of its own because rendering wants the main thread.
+//! a main function of its own because rendering needs the main thread.
 
 mod app;
 mod picture;
@@ -75,7 +75,7 @@ fn left_drag_moves_the_anchor() -> Outcome {
 
     let to = from + Vec2::new(150.0, -40.0);
     viewer.drag(MouseButton::Left, from, to);
-    assert_eq!(viewer.resource::<ParticleDrag>().dragged, None, "let go");
+    assert_eq!(viewer.resource::<ParticleDrag>().dragged, None, "released");
     let seen = viewer.place(anchor);
     assert!(viewer.on_screen(seen).distance(to) < 3.0, "the anchor is where the pointer left it");
     viewer.run(240);
@@ -121,7 +121,7 @@ fn a_free_ball_is_pulled() -> Outcome {
     let target = viewer.resource::<ParticleDrag>().target.expect("in the grip");
     assert!(viewer.on_screen(target).distance(to) < 12.0, "the target is under the pointer");
     let off = viewer.place(ball).distance(target);
-    assert!(off < 0.03, "the ball comes to the pointer, but for {off} m");
+    assert!(off < 0.03, "the ball comes to the pointer within {off} m");
     assert!(
         viewer.app.world().get::<AppliedForce>(ball).is_none_or(|force| force.0 == Vec3::ZERO),
         "no trace"
@@ -131,7 +131,7 @@ fn a_free_ball_is_pulled() -> Outcome {
     viewer.run(600);
     assert!(viewer.place(ball).distance(start) < 0.3, "the ball swings back");
 
-    // What is despawned in the grip is let go.
+    // A despawned particle is released.
     let seen = viewer.place(ball);
     let from = viewer.on_screen(seen);
     viewer.move_cursor(from);
@@ -217,10 +217,10 @@ fn typing_stays_in_the_panel() -> Outcome {
         assert!(viewer.app.should_exit().is_none(), "Escape leaves the field");
     };
     let start = mass(&mut viewer);
-    let nonsense = [KeyCode::KeyG, KeyCode::KeyV, KeyCode::KeyC, KeyCode::Space, KeyCode::Home];
+    let letters = [KeyCode::KeyG, KeyCode::KeyV, KeyCode::KeyC, KeyCode::Space, KeyCode::Home];
     viewer.click(MASS_FIELD);
     assert!(viewer.resource::<EguiWantsInput>().wants_keyboard_input(), "the click went to a field of text");
-    nonsense.into_iter().chain([KeyCode::Enter]).for_each(|key| viewer.tap(key));
+    letters.into_iter().chain([KeyCode::Enter]).for_each(|key| viewer.tap(key));
     assert_eq!(mass(&mut viewer), start, "that was no number");
     assert_untouched(&viewer);
 

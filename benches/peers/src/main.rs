@@ -17,7 +17,7 @@ use scene::Scene;
 
 /// The first argument of the process that measures a single row.
 const ROW: &str = "--row";
-/// A row that takes longer is given up.
+/// Maximum time of a row.
 const TIME_LIMIT: Duration = Duration::from_secs(300);
 
 fn main() -> ExitCode {
@@ -69,7 +69,7 @@ fn print_row(scene: &str, peer: &str) -> std::io::Result<()> {
     write!(std::io::stdout(), "{}", measure::row(scene, entry)?)
 }
 
-/// Each row is measured in a process of its own: no peer inherits another's heap and threads, and one
+/// Each row is measured in a process of its own: no peer shares another's heap and threads, and one
 /// that panics or hangs does not stop the rest.
 fn row_of_own_process(scene: &Scene, entry: &Entry) -> std::io::Result<String> {
     let mut process = Command::new(std::env::current_exe()?)

@@ -1,4 +1,4 @@
-//! One peer in one scene: how long its ticks take, and how wrong it is after a second.
+//! One peer in one scene: how long its ticks take, and its error after a second.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ const REPETITIONS: usize = 20;
 /// A peer whose tick takes longer than this ends after [`SLOW_TICKS`] of them.
 const SLOW: Duration = Duration::from_secs(1);
 const SLOW_TICKS: usize = 5;
-/// A peer that is wrong by more than this, m, has exploded, and its time says nothing.
+/// A peer with a greater error, m, has exploded, and its time is meaningless.
 const EXPLODED: f64 = 100.0;
 
 /// Measures, and returns the row of the table.

@@ -1,4 +1,4 @@
-//! What is true: the classical Runge–Kutta method in f64, its step halved until the result stays.
+//! The reference: the classical Runge–Kutta method in f64, its step halved until the result converges.
 
 use std::io::Result;
 use std::path::PathBuf;
@@ -94,7 +94,7 @@ impl State {
     }
 }
 
-/// The equations of motion of a scene, with the very f32 parameters that the peers are given.
+/// The equations of motion of a scene, with the same f32 parameters as the peers.
 struct System {
     inverse_masses: Vec<f64>,
     springs: Vec<([usize; 2], f64)>,

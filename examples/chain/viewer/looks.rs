@@ -1,4 +1,4 @@
-//! What particles, springs and planes look like, for whatever scene, file or preset they come from.
+//! The appearance of particles, springs and planes, the same for every scene, file and preset.
 //!
 //! A particle's look is a child of it, so that the particle's own `Transform` stays the simulation's.
 
@@ -14,10 +14,10 @@ const STEPS: usize = 33;
 const MASS_STEPS: usize = 9;
 /// The |l − l0| / l0 that has half of the full colour.
 const HALF_STRETCH: f32 = 0.06;
-/// Balls are drawn at least this large, m: a radius of 0 is a point.
-const LEAST_RADIUS: f32 = 0.012;
-/// What is farther out than this, in m, has left the picture for good.
-const FARTHEST: f32 = 1e5;
+/// Minimum radius of a drawn ball, m: a radius of 0 is a point.
+const MIN_RADIUS: f32 = 0.012;
+/// Maximum distance from the origin, in m, at which anything is drawn.
+const MAX_DISTANCE: f32 = 1e5;
 
 /// Adds the looks.
 pub fn plugin(app: &mut App) {
@@ -33,7 +33,7 @@ pub fn plugin(app: &mut App) {
         );
 }
 
-/// Balls, links and ground have meshes here: of the gizmos only the ring around a ball is wanted.
+/// Balls, links and ground have meshes here: of the gizmos only the ring around a ball is switched on.
 fn draw_only_the_grip(mut store: ResMut<GizmoConfigStore>) {
     let (config, gizmos) = store.config_mut::<MassSpringGizmos>();
     config.line.width = 3.0;
@@ -149,12 +149,12 @@ fn add_ball_looks(
             BallLook,
             Mesh3d(looks.sphere.clone()),
             MeshMaterial3d(looks.ball(particle, pinned)),
-            Transform::from_scale(Vec3::splat(particle.radius.max(LEAST_RADIUS))),
+            Transform::from_scale(Vec3::splat(particle.radius.max(MIN_RADIUS))),
         ));
     }
 }
 
-/// Follows changes of radius, mass and pins, and hides what has left for good.
+/// Follows changes of radius, mass and pins, and hides what is beyond [`MAX_DISTANCE`].
 fn update_balls(
     looks: Res<Looks>,
     particles: Query<(&Particle, &Transform, Has<Pinned>), Without<BallLook>>,
@@ -165,12 +165,12 @@ fn update_balls(
 ) {
     for (parent, mut transform, mut material, mut visibility) in &mut balls {
         let Ok((particle, place, pinned)) = particles.get(parent.parent()) else { continue };
-        let scale = Vec3::splat(particle.radius.max(LEAST_RADIUS));
+        let scale = Vec3::splat(particle.radius.max(MIN_RADIUS));
         if transform.scale != scale {
             transform.scale = scale;
         }
         material.set_if_neq(MeshMaterial3d(looks.ball(particle, pinned)));
-        let gone = place.translation.abs().max_element() > FARTHEST;
+        let gone = place.translation.abs().max_element() > MAX_DISTANCE;
         visibility.set_if_neq(if gone { Visibility::Hidden } else { Visibility::Inherited });
     }
 }
@@ -219,8 +219,9 @@ fn place_links(
                 particles.get_many(spring.particles).ok()?;
             let (first, second) = (first.translation(), second.translation());
             let between = second - first;
-            let direction =
-                between.try_normalize().filter(|_| first.abs().max(second.abs()).max_element() < FARTHEST)?;
+            let direction = between
+                .try_normalize()
+                .filter(|_| first.abs().max(second.abs()).max_element() < MAX_DISTANCE)?;
             let thickness = (0.28 * first_particle.radius.min(second_particle.radius)).clamp(0.004, 0.02);
             material.set_if_neq(MeshMaterial3d(looks.link(spring, between.length()).clone()));
             Some(Transform {
@@ -232,7 +233,7 @@ fn place_links(
         if let Some(placed) = placed {
             *transform = placed.into();
         }
-        // Visibility was passed down before links are placed: both are set here.
+        // Visibility is propagated before links are placed: both are set here.
         visibility.set_if_neq(if placed.is_some() { Visibility::Visible } else { Visibility::Hidden });
         if inherited.get() != placed.is_some() {
             *inherited =

@@ -1,4 +1,4 @@
-//! All that the window shows: scenes, stage, looks, controls, overlay. The window test runs it too.
+//! All that the window shows: scenes, stage, appearance, controls, overlay. The window test runs it too.
 
 pub mod controls;
 pub mod looks;
@@ -12,15 +12,10 @@ use bevy_mass_spring::scene::{SceneParticle, SpawnedScene};
 
 /// The viewer, on top of `DefaultPlugins` and a [`FirstScene`].
 pub fn plugin(app: &mut App) {
-    app.add_plugins((
-        MassSpringPlugin::default(),
-        MassSpringGizmosPlugin,
-        ParticleDragPlugin::default(),
-        MassSpringPanelPlugin,
-    ))
-    .add_plugins((stage::plugin, looks::plugin, controls::plugin, overlay::plugin))
-    .add_systems(PreStartup, open_first_scene)
-    .add_systems(First, lay_out);
+    app.add_plugins(MassSpringPlugins::default())
+        .add_plugins((stage::plugin, looks::plugin, controls::plugin, overlay::plugin))
+        .add_systems(PreStartup, open_first_scene)
+        .add_systems(First, lay_out);
 }
 
 /// The scene that is open at the start.
@@ -41,14 +36,14 @@ pub struct OpenScene {
     pub title: String,
     /// Its place in [`presets::ALL`], if it is one of them.
     pub preset: Option<usize>,
-    /// The room that it takes.
+    /// Its extent.
     pub bounds: Bounds,
     root: Entity,
 }
 
 /// A scene to be laid out in place of the one that is open.
 ///
-/// This is done when the next frame begins: what it looks like is added in the course of a frame.
+/// This is done when the next frame begins: meshes are added during a frame.
 #[derive(Resource)]
 pub struct LayOut {
     /// The content.
@@ -68,15 +63,13 @@ fn lay_out(world: &mut World) {
     }
     if with_settings {
         scene.apply_settings(world);
-        let viscosity_acts = preset.is_none_or(|preset| presets::ALL[preset].viscosity_acts);
-        world.resource_mut::<Environment>().viscosity_enabled = viscosity_acts;
     }
     let spawned: SpawnedScene = scene.spawn(&mut world.commands());
     world.flush();
     let root = world.spawn(spawned).id();
     let bounds = Bounds::of(&scene);
     world.insert_resource(OpenScene { title, preset, bounds, root });
-    // None of the new entities has a past to return to: this only sets the clock of ticks to zero.
+    // The new entities have no initial state yet: this only resets the tick counter.
     RestoreInitialState.apply(world);
 }
 
@@ -87,7 +80,7 @@ fn open_first_scene(first: Res<FirstScene>, mut time: ResMut<Time<Virtual>>, mut
     commands.insert_resource(layout);
 }
 
-/// The room that a scene takes, in m.
+/// The extent of a scene, in m.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounds {
     /// The middle of its particles, or what they hang from sideways.

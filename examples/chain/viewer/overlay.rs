@@ -12,8 +12,8 @@ use super::{LayOut, OpenScene};
 
 /// Height of the bar of keys, in logical pixels.
 pub const BAR_HEIGHT: f32 = 50.0;
-/// A speed in m/s that nothing in these scenes has for good reasons.
-const ABSURD_SPEED: f64 = 1e4;
+/// Maximum plausible speed in these scenes, m/s.
+const MAX_SPEED: f64 = 1e4;
 
 const ON: Color32 = Color32::from_rgb(140, 220, 150);
 const OFF: Color32 = Color32::from_rgb(240, 150, 120);
@@ -87,9 +87,9 @@ fn state(ui: &mut egui::Ui, holds: bool, yes: &str, no: &str) {
     ui.add_space(6.0);
 }
 
-/// Whether the numbers have left all bounds.
+/// Whether the simulation has diverged.
 pub fn has_diverged(report: &TickReport, measurements: &Measurements) -> bool {
-    report.faults > 0 || !measurements.max_speed.is_finite() || measurements.max_speed > ABSURD_SPEED
+    report.faults > 0 || !measurements.max_speed.is_finite() || measurements.max_speed > MAX_SPEED
 }
 
 fn draw_banner(

@@ -2,9 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::scene::{
-    SceneCollisions, SceneEnvironment, SceneParticle, ScenePlane, SceneSolver, SceneSpring,
-};
+use bevy_mass_spring::scene::{SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 
 /// A scene and the question that it answers.
 pub struct Preset {
@@ -12,8 +10,6 @@ pub struct Preset {
     pub name: &'static str,
     /// What to look at.
     pub question: &'static str,
-    /// Whether the viscosity of the medium acts from the start.
-    pub viscosity_acts: bool,
     /// Puts it together.
     pub build: fn() -> MassSpringScene,
 }
@@ -26,38 +22,32 @@ pub const ALL: [Preset; 6] = [
     Preset {
         name: "Free fall",
         question: "The lab's scheme is exact for constant acceleration: compare others, and viscosity (v).",
-        viscosity_acts: false,
         build: free_fall,
     },
     Preset {
         name: "One spring",
         question: "A mass on a spring: watch elastic, kinetic and gravitational energy change places.",
-        viscosity_acts: false,
         build: one_spring,
     },
     Preset {
         name: "Chain",
         question: "The upper springs carry the most: see the tension. Drag the red ball, or any other.",
-        viscosity_acts: true,
         build: chain_file,
     },
     Preset {
         name: "Viscosity or damping",
         question: "Left no damper, right a strong one: it stops the stretching, not the swinging. \
                    The viscosity of the medium (v) stops both.",
-        viscosity_acts: false,
         build: viscosity_or_damping,
     },
     Preset {
         name: "Bounce",
         question: "Each peak is the one before times the restitution squared: 0.64 with 0.8.",
-        viscosity_acts: false,
         build: bounce,
     },
     Preset {
         name: "Two masses",
         question: "1 kg meets 4 kg without gravity: the light one is thrown back, momentum is kept.",
-        viscosity_acts: false,
         build: two_masses,
     },
 ];
@@ -88,13 +78,13 @@ impl Default for ChainPlan {
 impl ChainPlan {
     /// The chain of this plan, with particles like `particle` and springs like `spring`.
     pub fn build(&self, particle: Particle, spring: Spring) -> MassSpringScene {
-        const LOWEST: f32 = 0.3;
+        const MIN_HEIGHT: f32 = 0.3;
         let mut scene = chain_file();
         let (first, second) = (scene.particles[0], scene.particles[1]);
         let length = spring.rest_length * (self.particles - 1) as f32;
         // As slanted as the shipped chain, but no lower than above the ground.
         let slope = -(second.position - first.position).normalize().y;
-        let drop = (slope * length).min(first.position.y - LOWEST);
+        let drop = (slope * length).min(first.position.y - MIN_HEIGHT);
         let across = (length * length - drop * drop).max(0.0).sqrt();
         let (end, anchor) = (Vec3::new(across, -drop, 0.0), first.position);
         let share = |index: usize| index as f32 / (self.particles - 1) as f32;
@@ -135,8 +125,9 @@ fn ground(restitution: f32) -> Vec<ScenePlane> {
     vec![ScenePlane { point: Vec3::ZERO, normal: Vec3::Y, restitution, friction: 0.0 }]
 }
 
-fn medium(viscosity: f32) -> SceneEnvironment {
-    SceneEnvironment { viscosity, ..default() }
+/// A medium whose viscosity is switched off at the start.
+fn medium(viscosity: f32) -> Environment {
+    Environment { viscosity, viscosity_enabled: false, ..default() }
 }
 
 fn free_fall() -> MassSpringScene {
@@ -179,7 +170,7 @@ fn bounce() -> MassSpringScene {
     };
     MassSpringScene {
         environment: medium(0.3),
-        collisions: SceneCollisions { restitution: 0.8, ..default() },
+        collisions: CollisionSettings { restitution: 0.8, ..default() },
         particles: (0..5).map(drop).collect(),
         planes: ground(0.8),
         ..default()
@@ -190,8 +181,8 @@ fn two_masses() -> MassSpringScene {
     let light = SceneParticle { velocity: Vec3::new(1.5, 0.0, 0.0), ..ball([-1.5, 1.0, 0.0], 1.0, 0.15) };
     let heavy = SceneParticle { velocity: Vec3::new(-0.5, 0.0, 0.0), ..ball([1.0, 1.0, 0.0], 4.0, 0.24) };
     MassSpringScene {
-        environment: SceneEnvironment { gravity: Vec3::ZERO, viscosity: 0.5 },
-        collisions: SceneCollisions { restitution: 1.0, ..default() },
+        environment: Environment { gravity: Vec3::ZERO, ..medium(0.5) },
+        collisions: CollisionSettings { restitution: 1.0, ..default() },
         particles: vec![light, heavy],
         planes: ground(0.5),
         ..default()

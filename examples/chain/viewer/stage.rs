@@ -115,7 +115,7 @@ fn fit_viewport(
     }
 }
 
-/// Keeps the camera still while the pointer or Ctrl has another use.
+/// Keeps the camera still while the pointer or Ctrl is used otherwise.
 fn yield_pointer(
     wants: Res<EguiWantsInput>,
     drag: Res<ParticleDrag>,

@@ -1,4 +1,4 @@
-//! What can be asked for on the command line.
+//! The arguments of the command line.
 
 use std::path::{Path, PathBuf};
 
@@ -12,8 +12,8 @@ use crate::Failure;
 /// The simulated time when neither --duration nor --ticks is given, s.
 const DEFAULT_DURATION: f64 = 10.0;
 
-/// The longest simulated time in s: beyond it the operating system's clock, on which Bevy's is built, overflows.
-const LONGEST_TIME: f64 = 1e18;
+/// Maximum simulated time in s: beyond it the operating system's clock, on which Bevy's is built, overflows.
+const MAX_TIME: f64 = 1e18;
 
 const EXIT_STATUS: &str = "\
 Exit status: 0 done, and the simulation stayed finite; 1 it did not; 2 bad arguments or a scene that is refused, \
@@ -23,20 +23,20 @@ and nothing was written; 3 an output could not be written to the end.";
 #[derive(Debug, Parser)]
 #[command(name = "mass-spring", version, after_help = EXIT_STATUS)]
 pub enum Command {
-    /// Simulate a scene as fast as possible, and write what came of it.
+    /// Simulate a scene as fast as possible, and write the results.
     Run(RunArguments),
     /// Validate a scene, and say how it would be simulated.
     Check(CheckArguments),
 }
 
-/// What `check` is asked for.
+/// The arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
     /// The scene file, *.scene.ron
     pub scene: PathBuf,
 }
 
-/// What `run` is asked for.
+/// The arguments of `run`.
 #[derive(Debug, Args)]
 #[command(after_help = EXIT_STATUS)]
 pub struct RunArguments {
@@ -89,14 +89,14 @@ impl RunArguments {
         let wanted = self.ticks.map_or_else(
             || {
                 let duration = self.duration.unwrap_or(DEFAULT_DURATION);
-                // The small part forgives the rounding of a duration that is a whole number of ticks.
+                // The small term absorbs the rounding of a duration that is a whole number of ticks.
                 (duration / time_step - 1e-9).ceil()
             },
             |ticks| ticks as f64,
         );
-        if wanted >= u64::MAX as f64 || (wanted + 1.0) * time_step > LONGEST_TIME {
+        if wanted >= u64::MAX as f64 || (wanted + 1.0) * time_step > MAX_TIME {
             return Err(Failure::Refused(format!(
-                "{wanted:.0} ticks of {time_step} s are too long, expected at most {LONGEST_TIME:e} s in all"
+                "{wanted:.0} ticks of {time_step} s are too long, expected at most {MAX_TIME:e} s in all"
             )));
         }
         Ok(self.ticks.unwrap_or(wanted as u64))

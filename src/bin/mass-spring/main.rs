@@ -16,7 +16,7 @@ use clap::Parser;
 
 use arguments::Command;
 
-/// Why the program ends without having done what it was asked to.
+/// Why the program fails.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
     /// Bad arguments or a scene that is refused. Nothing was written.
@@ -47,7 +47,7 @@ fn main() -> ExitCode {
     })
 }
 
-/// Writes a line to stderr; a closed stderr is no reason to fail.
+/// Writes a line to stderr; a closed stderr is not an error.
 fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }

@@ -49,7 +49,7 @@ impl Sink {
         Self { destination, writer: BufWriter::new(writer), closed: false }
     }
 
-    /// Whether the reader at the other end of the pipe has gone. What is written then is dropped.
+    /// Whether the other end of the pipe is closed. What is written then is dropped.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
@@ -95,7 +95,7 @@ impl Sink {
         })
     }
 
-    /// Hands all that was written to the operating system.
+    /// Flushes the file.
     pub fn finish(mut self) -> Result<(), Failure> {
         self.write(|writer| writer.flush())
     }
@@ -115,7 +115,7 @@ pub struct Sinks {
 }
 
 impl Sinks {
-    /// Opens the outputs that were asked for.
+    /// Opens the outputs that the arguments name.
     ///
     /// If one of them cannot be opened, the others are left as they were.
     pub fn open(arguments: &RunArguments) -> Result<Self, Failure> {

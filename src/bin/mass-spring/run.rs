@@ -1,4 +1,4 @@
-//! `mass-spring run`: so many ticks, as fast as possible.
+//! `mass-spring run`: a number of ticks, as fast as possible.
 
 use std::io::{self, IsTerminal};
 use std::path::Path;

@@ -57,7 +57,7 @@ impl Simulation {
                 .build()
                 .disable::<ScheduleRunnerPlugin>()
                 .set(TaskPoolPlugin { task_pool_options }),
-            MassSpringPlugin::default().with_interpolation(false),
+            MassSpringPlugin::default().physics_only(),
         ))
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
         scene.apply_settings(app.world_mut());
@@ -83,7 +83,7 @@ impl Simulation {
         assert_eq!(self.report().tick, self.ticks, "each update runs one tick");
         let world = self.app.world_mut();
         let first_fault = world.resource_mut::<Messages<ParticleFault>>().drain().next();
-        if let (None, Some(ParticleFault { particle, tick })) = (self.fault, first_fault) {
+        if let (None, Some(ParticleFault { particle, tick, .. })) = (self.fault, first_fault) {
             let index = self.spawned.particles.iter().position(|&entity| entity == particle);
             self.fault = index.map(|particle| Fault { particle, tick });
         }

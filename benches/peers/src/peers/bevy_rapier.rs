@@ -1,6 +1,6 @@
 //! bevy_rapier3d: each particle a rigid body without a collider, each spring a `SpringJoint`.
 //!
-//! A body has room for one joint component, so each spring is a child entity of its second end.
+//! A body can have one joint component, so each spring is a child entity of its second end.
 //! Substeps are rapier's `num_solver_iterations`, 4 by default.
 
 use bevy::prelude::*;

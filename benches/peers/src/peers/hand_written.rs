@@ -1,4 +1,4 @@
-//! What one writes first in Bevy: particles and springs are entities, and one system looks up both ends
+//! The straightforward implementation in Bevy: particles and springs are entities, and one system looks up both ends
 //! of each spring with `Query::get_many_mut`.
 
 use bevy::prelude::*;

@@ -1,4 +1,4 @@
-//! What one writes first, without Bevy: a structure for each particle and each spring, and two loops.
+//! The straightforward implementation without Bevy: a structure for each particle and each spring, and two loops.
 
 use bevy::math::Vec3;
 

@@ -1,11 +1,10 @@
 //! Switches, pause, single steps, restart, and what a tick publishes.
 
-mod common;
-
 use bevy::diagnostic::{DiagnosticPath, DiagnosticsStore};
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// Changes a resource.
 fn change<R: Resource<Mutability = bevy::ecs::component::Mutable>>(app: &mut App, edit: impl FnOnce(&mut R)) {
@@ -70,7 +69,11 @@ fn collisions_are_switched_off_and_on_without_losing_their_values() {
     app.world_mut().entity_mut(left).insert(ParticleVelocity(Vec3::X));
     run(&mut app, 60);
     assert_eq!(velocity(&app, sinking), Vec3::NEG_Y, "it sinks through the ground");
-    assert_eq!([velocity(&app, left), velocity(&app, right)], [Vec3::X, Vec3::ZERO], "they pass");
+    assert_eq!(
+        [velocity(&app, left), velocity(&app, right)],
+        [Vec3::X, Vec3::ZERO],
+        "they pass through each other"
+    );
     assert_eq!(report(&app).contacts, 0);
 
     change::<CollisionSettings>(&mut app, |collisions| {
@@ -111,7 +114,7 @@ fn contacts_are_reported_with_the_impulse_of_the_tick() {
 }
 
 #[test]
-fn particles_report_whom_they_hit() {
+fn particles_report_what_they_hit() {
     let mut app = app();
     plain(&mut app);
     app.insert_resource(CollisionSettings { restitution: 1.0, ..CollisionSettings::default() });
@@ -124,7 +127,7 @@ fn particles_report_whom_they_hit() {
         contacts.extend(messages::<Contact>(&mut app).into_iter().filter(|contact| contact.impulse > 0.0));
     }
     assert_eq!(contacts.len(), 1, "{contacts:?}");
-    let Contact { particle, other, point, normal, impulse } = contacts[0];
+    let Contact { particle, other, point, normal, impulse, .. } = contacts[0];
     assert!([(left, right), (right, left)].contains(&(particle, other)));
     assert_eq!(normal, if particle == left { Vec3::NEG_X } else { Vec3::X });
     // Equal masses exchange velocities: 1 kg · 2 m/s.
@@ -133,7 +136,7 @@ fn particles_report_whom_they_hit() {
 }
 
 #[test]
-fn nobody_collects_contacts_unasked() {
+fn contacts_are_not_collected_unless_requested() {
     let mut app = app();
     app.world_mut().spawn(PlaneCollider::default());
     spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
@@ -143,7 +146,7 @@ fn nobody_collects_contacts_unasked() {
 }
 
 #[test]
-fn pausing_stops_and_unpausing_goes_on_as_if_nothing_had_been() {
+fn pausing_stops_and_unpausing_continues_unchanged() {
     let (mut paused, mut straight) = (app(), app());
     let rope = spawn_rope(&mut paused, Vec3::Y, 6, 0.1, |spring| spring);
     let twin = spawn_rope(&mut straight, Vec3::Y, 6, 0.1, |spring| spring);
@@ -184,7 +187,7 @@ fn single_steps_run_one_tick_each_while_paused() {
     assert_eq!(report(&stepped).tick, 11, "requests while time runs are dropped");
 }
 
-/// A scene with everything that a restart must put back.
+/// A scene with everything that a restart must restore.
 fn restart_scene() -> (App, Vec<Entity>) {
     let mut app = app();
     app.insert_resource(scheme(Integrator::SemiImplicitEuler, 4));
@@ -212,7 +215,7 @@ fn a_restart_restores_and_repeats_everything_bit_for_bit() {
     let (mut app, all) = restart_scene();
     let start = hash(&app, &all);
     let first = history(&mut app, &all, 90);
-    // All sorts of edits, which the restart undoes.
+    // Edits of all kinds, which the restart undoes.
     let world = app.world_mut();
     world.entity_mut(all[0]).remove::<Pinned>();
     world.entity_mut(all[5]).insert(Pinned);
@@ -250,7 +253,7 @@ fn a_state_taken_on_request_is_the_one_that_is_restored() {
 }
 
 #[test]
-fn who_was_despawned_stays_away_and_who_came_later_starts_anew() {
+fn despawned_particles_stay_despawned_and_later_ones_restart() {
     let (mut app, all) = restart_scene();
     run(&mut app, 10);
     app.world_mut().despawn(all[12]);
@@ -262,7 +265,7 @@ fn who_was_despawned_stays_away_and_who_came_later_starts_anew() {
     assert_eq!(report(&app).particles, all.len());
 }
 
-/// Two particles on a spring, 1 m apart and 3 m up: all energies by hand.
+/// Two particles on a spring, 1 m apart and 3 m up: all energies computed by hand.
 #[test]
 fn measurements_are_those_of_the_last_tick() {
     let mut app = app_with((MassSpringPlugin::default(), MassSpringDiagnosticsPlugin));
@@ -317,8 +320,8 @@ fn headless_apps_do_not_interpolate_unless_asked() {
     }
 }
 
-/// A frame in the middle of a tick shows an eased place. The state is that of the last tick all the same,
-/// or where somebody has moved a particle since then.
+/// A frame in the middle of a tick shows an eased position. The state is still that of the last tick, or
+/// the place to which a particle has been moved since then.
 #[cfg(feature = "interpolation")]
 #[test]
 fn a_state_taken_between_ticks_is_exact() {
@@ -342,7 +345,7 @@ fn a_state_taken_between_ticks_is_exact() {
     apply(&mut eased, RestoreInitialState);
     assert_eq!(hash(&eased, &rope), last);
 
-    // What follows is as if nothing had been, here between the ticks as well.
+    // The following ticks are the same, also after a restart between ticks.
     eased.insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
     run(&mut eased, 20);
     run(&mut straight, 20);

@@ -1,16 +1,15 @@
-//! What lies, lies: balls and a column at rest, and Coulomb friction beside its closed forms.
-
-mod common;
+//! Resting contact: balls and a column at rest, and Coulomb friction beside its closed forms.
 
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{PairRules, Plane, Scheme, SolverState, StepSettings, step};
-use common::bodies::{Ball, GRAVITY, falling, position, velocity, with_ground, world};
+
+use crate::common::bodies::{Ball, GRAVITY, falling, position, velocity, with_ground, world};
 
 /// The largest relative error of one f32 rounding.
 const ROUNDING: f32 = f32::EPSILON / 2.0;
 
-/// Set down at rest it stays, to the bit: the ground, y = 0, leaves no rounding. Whatever the
-/// restitution: a rebound that ends within the substep is none.
+/// Placed at rest it stays, to the bit: the ground, y = 0, leaves no rounding. So for every restitution: a
+/// rebound that ends within the substep is none.
 #[test]
 fn a_resting_ball_rests() {
     for scheme in Scheme::ALL {
@@ -28,7 +27,7 @@ fn a_resting_ball_rests() {
     }
 }
 
-/// A dropped ball comes to rest in finite time, and then is as still as one that was set down.
+/// A dropped ball comes to rest in finite time, and then does not move at all.
 #[test]
 fn a_dropped_ball_comes_to_rest() {
     for scheme in Scheme::ALL {
@@ -71,8 +70,8 @@ fn column(masses: impl Fn(usize) -> f32) -> SolverState {
     with_ground(world(balls), 0.0, 0.0)
 }
 
-/// While the column finds its balance, from no knowledge of the load at the start, a ball may have to
-/// bear the weight of all others for a substep, which presses each contact by up to n g h² = 3.5 mm;
+/// While the impulses converge, from zero at the start, a ball may have to bear the weight of all others
+/// for a substep, which presses each contact by up to n g h² = 3.5 mm;
 /// pairs at rest may overlap by a thousandth of their distance, 0.2 mm (`RESTING_OVERLAP`). After 15 s
 /// all is still. Sideways nothing pushes: x and z stay zero to the bit.
 #[test]

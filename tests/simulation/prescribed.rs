@@ -1,8 +1,6 @@
 //! Particles with a prescribed motion, in the pure solver: where they are in each substep, and what
 //! springs and dampers see of it.
 
-mod common;
-
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{PinnedMotion, Scheme, SolverState, StepSettings, step};
 
@@ -100,7 +98,7 @@ fn the_motion_is_spread_evenly_over_the_substeps() {
 }
 
 /// A tick of n substeps is the same as n ticks of one, the anchor going a part of the way in each. With
-/// damping not so of velocity Verlet, which evaluates the forces anew when a tick begins.
+/// damping not so of velocity Verlet, which evaluates the forces again when a tick begins.
 #[test]
 fn substeps_are_ticks_in_small() {
     for scheme in Scheme::ALL {

@@ -1,16 +1,15 @@
-//! Non-finite states: the particle at fault is taken out, with a message; all else goes on.
+//! Non-finite states: the particle at fault is quarantined, with a message; all others continue.
 //!
 //! The log belongs to the process, so each test here holds [`Logged`] from its first line on.
-
-mod common;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Scheme;
-use common::logged::Logged;
-use common::*;
 
-struct Patient {
+use crate::common::logged::Logged;
+use crate::common::*;
+
+struct Scene {
     app: App,
     chain: Vec<Entity>,
     particle: Entity,
@@ -18,28 +17,30 @@ struct Patient {
 }
 
 /// A hanging chain, and apart from it a particle at (5, 5, 0) with a neighbour on a spring; after 5 ticks.
-fn patient() -> Patient {
+fn scene() -> Scene {
     let mut app = app();
     let chain = spawn_rope(&mut app, Vec3::Y * 20.0, 5, 0.2, |spring| spring.with_stiffness(400.0));
     let particle = spawn(&mut app, 1.0, 0.1, Vec3::new(5.0, 5.0, 0.0));
     let neighbour = spawn(&mut app, 1.0, 0.1, Vec3::new(6.0, 5.0, 0.0));
     join(&mut app, Spring::new(particle, neighbour, 1.0));
     run(&mut app, 5);
-    Patient { app, chain, particle, neighbour }
+    Scene { app, chain, particle, neighbour }
 }
 
-/// Lets `poison` loose on the particle and checks that it alone is taken out, named and reported once.
-fn assert_quarantined(logged: &Logged, poison: impl Fn(&mut App, Entity)) {
-    let mut healthy = patient();
-    run(&mut healthy.app, 20);
-    let Patient { mut app, chain, particle, neighbour } = patient();
+/// Applies `fault` to the particle and checks that it alone is quarantined, named and reported once.
+fn assert_quarantined(logged: &Logged, fault: impl Fn(&mut App, Entity)) {
+    let mut undisturbed = scene();
+    run(&mut undisturbed.app, 20);
+    let Scene { mut app, chain, particle, neighbour } = scene();
     let last = position(&app, particle);
     let tick = report(&app).tick;
     logged.assert_silent();
-    poison(&mut app, particle);
+    fault(&mut app, particle);
     run(&mut app, 1);
     assert!(app.world().entity(particle).contains::<Quarantined>());
-    assert_eq!(messages::<ParticleFault>(&mut app), [ParticleFault { particle, tick: tick + 1 }]);
+    let faults = messages::<ParticleFault>(&mut app);
+    let faults: Vec<(Entity, u64)> = faults.iter().map(|fault| (fault.particle, fault.tick)).collect();
+    assert_eq!(faults, [(particle, tick + 1)]);
     let line = logged.take_one();
     assert!(line.contains(&particle.to_string()), "{line:?}");
     assert_eq!(report(&app).faults, 1);
@@ -52,7 +53,11 @@ fn assert_quarantined(logged: &Logged, poison: impl Fn(&mut App, Entity)) {
     assert_eq!((report(&app).particles, report(&app).springs), (6, 4));
     assert_eq!(position(&app, particle), kept);
     assert!(position(&app, neighbour).is_finite() && velocity(&app, neighbour).y < -2.0);
-    assert_eq!(hash(&app, &chain), hash(&healthy.app, &healthy.chain), "the others are not disturbed");
+    assert_eq!(
+        hash(&app, &chain),
+        hash(&undisturbed.app, &undisturbed.chain),
+        "the others are not disturbed"
+    );
 
     let world = app.world_mut();
     world.entity_mut(particle).remove::<(Quarantined, AppliedForce)>();
@@ -87,7 +92,7 @@ fn a_velocity_that_is_not_a_number() {
 #[test]
 fn a_force_that_overflows() {
     let logged = Logged::start();
-    let Patient { mut app, chain, .. } = patient();
+    let Scene { mut app, chain, .. } = scene();
     let victim = spawn(&mut app, 1e-3, 0.1, Vec3::X * -5.0);
     app.world_mut().entity_mut(victim).insert(AppliedForce(Vec3::X * f32::MAX));
     run(&mut app, 1);
@@ -96,28 +101,32 @@ fn a_force_that_overflows() {
     assert!(app.world().entity(victim).contains::<Quarantined>());
     assert!(position(&app, victim).is_finite());
     assert!(logged.take_one().contains(&victim.to_string()));
-    let mut healthy = patient();
-    run(&mut healthy.app, 20);
-    assert_eq!(hash(&app, &chain), hash(&healthy.app, &healthy.chain), "the others are not disturbed");
+    let mut undisturbed = scene();
+    run(&mut undisturbed.app, 20);
+    assert_eq!(
+        hash(&app, &chain),
+        hash(&undisturbed.app, &undisturbed.chain),
+        "the others are not disturbed"
+    );
 }
 
-/// A force that is not a number does no harm: it is named once, and the particle falls on without it.
+/// A force that is not a number is ignored: it is named once, and the particle falls on without it.
 #[test]
 fn a_force_that_is_not_a_number_is_ignored() {
     let logged = Logged::start();
-    let (mut healthy, mut pushed) = (patient(), patient());
+    let (mut undisturbed, mut pushed) = (scene(), scene());
     pushed.app.world_mut().entity_mut(pushed.particle).insert(AppliedForce(Vec3::splat(f32::NAN)));
     run(&mut pushed.app, 10);
     let line = logged.take_one();
     assert!(line.contains(&pushed.particle.to_string()) && line.contains("force"), "{line:?}");
-    run(&mut healthy.app, 10);
-    assert_eq!(bits(&pushed.app, pushed.particle), bits(&healthy.app, healthy.particle));
+    run(&mut undisturbed.app, 10);
+    assert_eq!(bits(&pushed.app, pushed.particle), bits(&undisturbed.app, undisturbed.particle));
     assert!(!pushed.app.world().entity(pushed.particle).contains::<Quarantined>());
 }
 
-/// One that comes in non-finite was never in: it waits outside, named once, until it is mended.
+/// One that is spawned non-finite is left out, named once, until it is corrected.
 #[test]
-fn a_particle_spawned_outside_of_numbers_waits() {
+fn a_particle_spawned_non_finite_is_left_out() {
     let logged = Logged::start();
     let mut app = app();
     let lost = spawn(&mut app, 1.0, 0.1, Vec3::new(f32::NAN, 0.0, 0.0));
@@ -147,15 +156,15 @@ fn a_pinned_particle_that_is_sent_to_infinity_keeps_its_place() {
     assert_eq!(logged.take().len(), 1);
 }
 
-/// Explicit Euler explodes; the whole net ends in quarantine, each particle reported once, and the app
-/// runs on.
+/// Explicit Euler explodes; the whole net is quarantined, each particle reported once, and the app
+/// continues.
 #[test]
 fn an_explosion_is_reported_and_survived() {
     let logged = Logged::start();
     let mut app = app();
     app.insert_resource(scheme(Integrator::ExplicitEuler, 1));
     let rope = spawn_rope(&mut app, Vec3::ZERO, 8, 0.01, |spring| spring.with_stiffness(1e5));
-    let bystander = spawn(&mut app, 1.0, 0.0, Vec3::Y * 100.0);
+    let other = spawn(&mut app, 1.0, 0.0, Vec3::Y * 100.0);
     run(&mut app, 200);
     let free = rope.len() - 1;
     assert!(report(&app).faults >= 1 && report(&app).faults <= free, "{}", report(&app).faults);
@@ -163,10 +172,10 @@ fn an_explosion_is_reported_and_survived() {
     for particle in rope {
         assert!(position(&app, particle).is_finite());
     }
-    let fallen = 100.0 - position(&app, bystander).y;
+    let fallen = 100.0 - position(&app, other).y;
     // Explicit Euler: x = g h² n (n − 1) / 2.
     let expected = 9.81 * TICK * TICK * 200.0 * 199.0 / 2.0;
-    assert!((fallen / expected - 1.0).abs() < 1e-3, "the bystander falls as ever: {fallen} m");
+    assert!((fallen / expected - 1.0).abs() < 1e-3, "the other falls as before: {fallen} m");
 }
 
 /// A sheet of 4² with diagonals that hangs by two corners: its springs close loops.
@@ -189,10 +198,10 @@ fn spawn_sheet(app: &mut App, corner: Vec3) -> Vec<Entity> {
     sheet
 }
 
-/// What a game's bug may bring, in numbers that are finite still: it is the business of one net, whatever
-/// the scheme, and another one hangs as if it were alone.
+/// Extreme but finite numbers, as a bug of a game may set, stay in one net, whatever the scheme: another
+/// one hangs as if it were alone.
 #[test]
-fn absurd_numbers_in_one_net_do_not_reach_another() {
+fn extreme_numbers_in_one_net_do_not_reach_another() {
     let _logged = Logged::start();
     let absurdities: [fn(&mut App, Entity); 3] = [
         |app, particle| set_velocity(app, particle, Vec3::new(1e30, 0.0, 0.0)),
@@ -218,7 +227,7 @@ fn absurd_numbers_in_one_net_do_not_reach_another() {
                 }
                 calm.iter().map(|particle| position(&app, *particle)).collect::<Vec<_>>()
             });
-            // Newton's method leaves 5e-4 of each displacement at most; nobody has gone further than 2 m.
+            // Newton's method leaves 5e-4 of each displacement at most; none is above 2 m.
             for (alone, beside) in alone.iter().zip(&beside) {
                 let apart = alone.distance(*beside);
                 assert!(apart <= 2.0 * 5e-4 * 2.0, "{integrator}, {number}: {apart} m");

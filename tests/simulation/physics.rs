@@ -1,16 +1,15 @@
 //! The lab's physics end to end: components in, components out, under the default settings.
 
-mod common;
-
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// Fifteen particles of 1 kg hang below an anchor. At rest each spring carries what hangs below it,
 /// whatever the scheme and its step: k Δl = n m g. Lengths of 16 m are rounded by 1e-6 m, 0.002 % of the
 /// least stretch. The slowest motion dies out at the rate ν / 2m = 0.5 / s: e⁻²⁰ of the 6 m that the
-/// chain sinks is nothing after 40 s.
+/// chain sinks is negligible after 40 s.
 #[test]
 fn each_spring_of_a_hanging_chain_is_stretched_by_the_weight_below() {
     let mut app = app();
@@ -33,7 +32,7 @@ fn each_spring_of_a_hanging_chain_is_stretched_by_the_weight_below() {
 }
 
 /// As the test of the same name in `energy.rs`, through the components: each tick writes and reads back
-/// every bit, so the way through the world costs nothing. 1e-5 of Σ m |v| is five times the random walk
+/// every bit, so the components add no error. 1e-5 of Σ m |v| is five times the random walk
 /// of the roundings of 2,000 ticks of 4 substeps, √(8000 / 16) u = 1.3e-6.
 #[test]
 fn a_free_net_keeps_its_momentum() {
@@ -76,7 +75,7 @@ fn a_free_net_keeps_its_momentum() {
     }
     assert_eq!(report(&app).springs, 33);
     let published = app.world().resource::<Measurements>().momentum;
-    // The solver knows a mass as 1/m, rounded: 6e-8.
+    // The solver stores a mass as 1/m, rounded: 6e-8.
     assert!((published - momentum(&app).0).length() < 6e-8 * scale);
 }
 
@@ -108,7 +107,7 @@ fn a_dropped_ball_peaks_in_the_ratio_of_restitution_squared() {
 
 /// It works in 2D as it is: forces and contacts between particles of one plane never leave it.
 #[test]
-fn what_lies_in_a_plane_stays_in_it() {
+fn particles_of_a_plane_stay_in_it() {
     let mut app = app();
     app.world_mut().spawn(PlaneCollider { restitution: 0.5, friction: 0.5 });
     let mut all = spawn_rope(&mut app, Vec3::new(-0.3, 0.6, 0.0), 10, 0.1, |spring| spring);

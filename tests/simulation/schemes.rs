@@ -1,10 +1,9 @@
 //! The integration schemes: each beside its written recurrence, and their orders of convergence.
 
-mod common;
-
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{PairRules, PinnedMotion, Plane, Scheme, SolverState, StepSettings, step};
-use common::reference::Reference;
+
+use crate::common::reference::Reference;
 
 /// The largest relative error of one f32 rounding.
 const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
@@ -81,7 +80,7 @@ fn every_scheme_follows_its_recurrence() {
     }
 }
 
-/// Without this the test above might be blind: no scheme follows the recurrence of another.
+/// The test above distinguishes the schemes: none follows the recurrence of another.
 #[test]
 fn no_scheme_follows_the_recurrence_of_another() {
     for scheme in Scheme::ALL {

@@ -1,12 +1,11 @@
 //! What backward Euler is for: stiff springs, large ratios of masses, one step a tick.
 
-mod common;
-
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::SolverSettings;
 use bevy_mass_spring::solver::stability::FrequencyBounds;
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
-use common::reference::Reference;
+
+use crate::common::reference::Reference;
 
 const GRAVITY: f64 = 9.81;
 
@@ -79,7 +78,7 @@ fn light_links_carry_a_hundred_tons() {
     assert!((position(&state, 20).y - equilibrium).abs() < 0.03, "{}", position(&state, 20));
 }
 
-/// Let go from horizontal, the chain is a pendulum, whose quarter period is K(1/√2) √(L/g) = 0.837 s
+/// Released from horizontal, the chain is a pendulum, whose quarter period is K(1/√2) √(L/g) = 0.837 s
 /// with Legendre's K(1/√2) = 1.854075.
 #[test]
 fn a_hundred_tons_swing_as_a_pendulum() {
@@ -149,7 +148,7 @@ fn net(size: usize, mass: f32, stiffness: f32, damping: f32) -> SolverState {
     state
 }
 
-/// Throws the particles apart, without any plan.
+/// Moves the particles apart pseudo-randomly.
 fn shake(state: &mut SolverState, speed: f32) {
     for slot in 0..state.particles.len() {
         let phase = slot as f32;
@@ -197,7 +196,7 @@ fn a_free_stiff_net_keeps_its_momentum() {
     assert!(drift < 600.0 * 6e-8 * scale, "{drift:e} of {scale}");
 }
 
-/// Nothing is NaN where a spring has no direction, and where it has no length to keep.
+/// Nothing is NaN where a spring has no direction, or rest length 0.
 #[test]
 fn coincident_particles_and_springs_of_no_length() {
     for rest_length in [0.0, 0.1] {
@@ -287,7 +286,7 @@ fn a_soft_pendulum_keeps_its_energy() {
     let rest = -GRAVITY - 0.5 * GRAVITY * GRAVITY / 50.0;
     for tick in 1..=1200 {
         step(&mut state, &settings);
-        // The energy of a symplectic scheme wavers; it must not drift away.
+        // The energy of a symplectic scheme oscillates; it must not drift.
         let lost = (start - total(&state)) / (start - rest);
         assert!(lost.abs() < 0.05, "tick {tick}: {lost}");
     }

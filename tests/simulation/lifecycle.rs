@@ -1,10 +1,9 @@
-//! Particles and springs that come, go and change while the app runs.
-
-mod common;
+//! Particles and springs that are spawned, despawned and changed while the app runs.
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// A pinned particle at the origin and a free one of 1 kg at x = 2 m, on a spring of length 1 m.
 fn stretched_pair(app: &mut App, stiffness: f32) -> (Entity, Entity, Entity) {
@@ -44,7 +43,7 @@ fn a_particle_falls_from_the_tick_after_it_was_spawned() {
 }
 
 #[test]
-fn particles_spawned_before_the_plugin_take_part() {
+fn particles_spawned_before_the_plugin_are_simulated() {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins).insert_resource(bevy::time::TimeUpdateStrategy::FixedTimesteps(1));
     let early = spawn(&mut app, 1.0, 0.1, Vec3::Y * 5.0);
@@ -57,10 +56,10 @@ fn particles_spawned_before_the_plugin_take_part() {
 }
 
 #[test]
-fn despawning_a_particle_takes_its_springs_out() {
+fn despawning_a_particle_removes_its_springs() {
     let mut app = plain_app();
     let (anchor, bob, _) = stretched_pair(&mut app, 100.0);
-    let bystander = spawn(&mut app, 1.0, 0.0, Vec3::Y);
+    let other = spawn(&mut app, 1.0, 0.0, Vec3::Y);
     run(&mut app, 1);
     assert_eq!((report(&app).particles, report(&app).springs), (3, 1));
     let before = velocity(&app, bob);
@@ -68,8 +67,8 @@ fn despawning_a_particle_takes_its_springs_out() {
     app.world_mut().despawn(anchor);
     run(&mut app, 1);
     assert_eq!((report(&app).particles, report(&app).springs), (2, 0));
-    assert_eq!(velocity(&app, bob), before, "nothing pulls any more");
-    assert_eq!(position(&app, bystander), Vec3::Y);
+    assert_eq!(velocity(&app, bob), before, "no spring pulls any more");
+    assert_eq!(position(&app, other), Vec3::Y);
 }
 
 #[test]
@@ -84,11 +83,11 @@ fn despawning_a_spring_frees_its_ends() {
     assert_eq!(velocity(&app, bob), before);
 }
 
-/// The numbers of slots change under the survivors: each must keep its own state.
+/// The slots of the remaining particles change: each must keep its own state.
 #[test]
-fn survivors_keep_their_state_when_slots_are_renumbered() {
+fn remaining_particles_keep_their_state_when_slots_are_renumbered() {
     let mut app = plain_app();
-    let crowd: Vec<Entity> = (0..10_u8)
+    let all: Vec<Entity> = (0..10_u8)
         .map(|number| {
             let particle = spawn(&mut app, 1.0, 0.0, Vec3::X * f32::from(number));
             app.world_mut().get_mut::<ParticleVelocity>(particle).unwrap().0 = Vec3::Y * f32::from(number);
@@ -97,12 +96,12 @@ fn survivors_keep_their_state_when_slots_are_renumbered() {
         .collect();
     run(&mut app, 4);
     for gone in [0, 3, 4, 9] {
-        app.world_mut().despawn(crowd[gone]);
+        app.world_mut().despawn(all[gone]);
     }
     run(&mut app, 4);
-    for survivor in [1_u8, 2, 5, 6, 7, 8] {
-        let particle = crowd[usize::from(survivor)];
-        let number = f32::from(survivor);
+    for remaining in [1_u8, 2, 5, 6, 7, 8] {
+        let particle = all[usize::from(remaining)];
+        let number = f32::from(remaining);
         assert_eq!(position(&app, particle), Vec3::new(number, number * 8.0 * TICK, 0.0));
         assert_eq!(velocity(&app, particle), Vec3::Y * number);
     }
@@ -117,7 +116,7 @@ fn removing_and_reinserting_the_component_works() {
     app.world_mut().entity_mut(bob).remove::<Particle>();
     let left_at = position(&app, bob);
     run(&mut app, 5);
-    assert_eq!(position(&app, bob), left_at, "it is no particle at present");
+    assert_eq!(position(&app, bob), left_at, "it is not a particle now");
     assert_eq!((report(&app).particles, report(&app).springs), (1, 0));
     app.world_mut().entity_mut(bob).insert(particle);
     assert_eq!(measure_force(&mut app, bob), -100.0);
@@ -140,7 +139,7 @@ fn every_parameter_may_change_while_it_runs() {
     app.world_mut().entity_mut(bob).remove::<AppliedForce>();
     assert_eq!(measure_force(&mut app, bob), 100.0);
 
-    // Damping is felt by what moves: −c v with c = 8 N·s/m and v = 2 m/s.
+    // Damping acts on what moves: −c v with c = 8 N·s/m and v = 2 m/s.
     let mut ends = app.world_mut().get_mut::<Spring>(spring).unwrap();
     (ends.stiffness, ends.damping) = (0.0, 8.0);
     place(&mut app, bob, Vec3::X * 2.0);
@@ -194,9 +193,9 @@ fn pinning_stops_and_unpinning_frees() {
     assert!(position(&app, particle).y < held.y);
 }
 
-/// A particle that is let go keeps the velocity that it was carried with.
+/// A particle that is unpinned keeps the velocity of its prescribed motion.
 #[test]
-fn a_carried_particle_flies_on_when_it_is_let_go() {
+fn an_unpinned_particle_keeps_its_prescribed_velocity() {
     let mut app = plain_app();
     let particle = spawn_pinned(&mut app, Vec3::ZERO);
     run(&mut app, 1);
@@ -223,7 +222,7 @@ fn a_spring_spawned_before_its_ends_are_particles_waits_for_them() {
 }
 
 #[test]
-fn planes_come_and_go() {
+fn planes_may_be_spawned_and_despawned() {
     let mut app = app();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
     let ground = app.world_mut().spawn(PlaneCollider::default()).id();
@@ -231,7 +230,7 @@ fn planes_come_and_go() {
     assert_eq!(position(&app, ball).y, 0.1);
     app.world_mut().despawn(ground);
     run(&mut app, 20);
-    assert!(position(&app, ball).y < 0.0, "nothing holds it");
+    assert!(position(&app, ball).y < 0.0, "no plane holds it");
     let height = position(&app, ball).y.floor();
     app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, height - 1.0, 0.0)));
     run(&mut app, 200);

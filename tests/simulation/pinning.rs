@@ -1,12 +1,11 @@
-//! Anchors that somebody moves, and particles with parents.
-
-mod common;
+//! Moving anchors, and particles with parents.
 
 use std::f32::consts::FRAC_PI_2;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::*;
+
+use crate::common::*;
 
 /// An app without gravity and collisions, with 4 substeps of semi-implicit Euler.
 fn plain_app() -> App {
@@ -61,7 +60,7 @@ fn an_anchor_under_a_moving_parent_follows_in_the_same_tick() {
         run(&mut child, 1);
         assert_eq!(bits(&free, bob), bits(&child, other_bob), "tick {tick}");
         assert_eq!(velocity(&free, anchor), velocity(&child, held), "tick {tick}");
-        assert_eq!(position(&child, held), Vec3::ZERO, "its own transform is left alone");
+        assert_eq!(position(&child, held), Vec3::ZERO, "its own transform is unchanged");
     }
 }
 
@@ -106,7 +105,7 @@ fn rope_under(parent: Option<Transform>, ticks: u32) -> Vec<Vec<Vec3>> {
 }
 
 #[test]
-fn an_identity_parent_costs_not_a_bit() {
+fn an_identity_parent_changes_no_bit() {
     assert_eq!(rope_under(Some(Transform::IDENTITY), 60), rope_under(None, 60));
 }
 
@@ -127,8 +126,8 @@ fn free_particles_under_a_parent_move_as_without() {
     assert!(without[19][7].distance(without[0][7]) > 0.2, "it did swing");
 }
 
-/// A free particle does not ride on its parent: when the parent moves, its own place in the frame of
-/// the parent changes instead.
+/// A free particle does not move with its parent: when the parent moves, its position in the frame of the
+/// parent changes instead.
 #[test]
 fn a_free_particle_does_not_follow_a_moving_parent_beyond_the_tick() {
     let mut app = plain_app();
@@ -140,7 +139,7 @@ fn a_free_particle_does_not_follow_a_moving_parent_beyond_the_tick() {
     assert_eq!(velocity(&app, particle), Vec3::Y);
 }
 
-/// A particle may be the parent of another: both live in the world, and neither carries the other.
+/// A particle may be the parent of another: both are in world space, and neither moves the other.
 #[test]
 fn nested_particles_are_independent() {
     let mut app = plain_app();
@@ -163,9 +162,9 @@ fn nested_particles_are_independent() {
     assert_eq!(velocities, [Vec3::X, Vec3::Y, Vec3::NEG_Z]);
 }
 
-/// A pinned particle under a free one rides on it: where its transform goes, it goes, in the tick after.
+/// A pinned particle under a free one moves with it, in the tick after.
 #[test]
-fn a_pinned_particle_under_a_free_one_rides_on_it() {
+fn a_pinned_particle_under_a_free_one_moves_with_it() {
     let mut app = plain_app();
     let carrier = (Particle::new(1.0, 0.0), ParticleVelocity(Vec3::X), Transform::default());
     let carrier = app.world_mut().spawn(carrier).id();

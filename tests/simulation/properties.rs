@@ -1,14 +1,13 @@
-//! Properties of random nets: whatever their shape, masses and springs, they hold.
-
-mod common;
+//! Properties that hold for random nets of any shape, masses and springs.
 
 use bevy::math::{DVec3, Vec3};
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::stability::FrequencyBounds;
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
-use common::{app, hash, run};
 use proptest::prelude::*;
+
+use crate::common::{self, app, hash, run};
 
 /// The largest relative error of one f32 rounding.
 const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
@@ -128,7 +127,7 @@ proptest! {
     /// Symplectic Euler keeps H − h/2 F·v + O(h²), and |F·v| <= ω H (Cauchy–Schwarz: Σ k |Δv|² <=
     /// ω² Σ m v²), so H stays below (1 + hω/2)/(1 − hω/2) of its start: 2 % for hω = 0.02. The terms of
     /// second order, (hω)² = 4e-4 times the few by which directions turn faster than lengths change, are
-    /// granted 1 % more. Dampers only take away.
+    /// allowed 1 % more. Dampers only dissipate.
     #[test]
     fn damped_nets_never_gain_energy(net in nets(0.1..10.0, 1.0..5000.0)) {
         let mut state = net.plain_state();

@@ -1,11 +1,10 @@
-//! `Auto` with soft and stiff things in one scene: each component goes by its own scheme, as if it were
-//! alone.
-
-mod common;
+//! `Auto` with soft and stiff nets in one scene: each component is integrated by its own scheme, as if it
+//! were alone.
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::{TICK, app, bits, hash, join, position, report, run, spawn, spawn_pinned};
+
+use crate::common::{self, TICK, app, bits, hash, join, position, report, run, spawn, spawn_pinned};
 
 const GRAVITY: f64 = 9.81;
 
@@ -56,8 +55,7 @@ fn pendulum_energy(app: &App, bob: Entity) -> f64 {
     0.5 * speed.length_squared() + GRAVITY * place.y + 0.5 * f64::from(SOFT) * (place.length() - 1.0).powi(2)
 }
 
-/// The chain alone would take implicit Euler for the pendulum too, or the pendulum thousands of substeps for
-/// the chain.
+/// One scheme for both would be implicit Euler for the pendulum too, or thousands of substeps.
 #[test]
 fn a_soft_pendulum_beside_a_stiff_chain_keeps_its_energy() {
     let mut app = app();
@@ -73,7 +71,7 @@ fn a_soft_pendulum_beside_a_stiff_chain_keeps_its_energy() {
     }
     assert_eq!(ran(&app), mixture());
     assert_eq!(report(&app).schemes(), "VelocityVerlet × 4, ImplicitEuler × 4 on 10 springs");
-    // Each link carries what hangs below, but for the rounding of its ends: below 0.125 m by 2⁻²⁸ m each,
+    // Each link carries what hangs below, apart from the rounding of its ends: below 0.125 m by 2⁻²⁸ m each,
     // once where they are and once where their weight would take them.
     let rounding = 4.0 * 2.0_f64.powi(-28) * f64::from(STIFF);
     for link in 0..LINKS {
@@ -84,7 +82,7 @@ fn a_soft_pendulum_beside_a_stiff_chain_keeps_its_energy() {
     }
 }
 
-/// Both swing. A mixture does to each what it would do by itself, in as many substeps.
+/// Both swing. Each moves in a mixture as it would by itself, in as many substeps.
 #[test]
 fn each_component_moves_as_if_it_were_alone() {
     // 80,000 N/m take 3.2 substeps of velocity Verlet at 1.4 hω, hence the 4 of the implicit scheme at
@@ -112,7 +110,7 @@ fn each_component_moves_as_if_it_were_alone() {
 
 /// A free flight without springs is that of the explicit part: exact for velocity Verlet.
 #[test]
-fn particles_without_springs_go_with_the_soft_part() {
+fn particles_without_springs_belong_to_the_soft_part() {
     let mut app = app();
     spawn_pendulum(&mut app, SOFT);
     spawn_chain(&mut app, Vec3::X);
@@ -146,13 +144,13 @@ fn a_spring_that_joins_two_components_makes_them_one() {
     app.insert_resource(common::scheme(Integrator::SemiImplicitEuler, 2));
     run(&mut app, 2);
     assert_eq!(ran(&app), (Integrator::SemiImplicitEuler, 2, 0, 0));
-    // At least so many substeps of either.
+    // `Fixed` with `Auto` is a minimum number of substeps for both.
     app.insert_resource(common::scheme(Integrator::Auto, 6));
     run(&mut app, 2);
     assert_eq!(ran(&app), (Integrator::VelocityVerlet, 6, 6, LINKS));
 }
 
-/// Anchors that move do so under both schemes, and the two hang on one.
+/// A moving anchor moves under both schemes: the two nets hang from one.
 #[test]
 fn a_moving_anchor_carries_both() {
     let mut app = app();

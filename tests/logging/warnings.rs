@@ -1,23 +1,22 @@
-//! What the crate says when it is given nonsense, and that nothing else is disturbed by it.
+//! The warnings about invalid values, which disturb nothing else.
 //!
 //! The log belongs to the process, so each test here holds [`Logged`] from its first line on.
 
-mod common;
-
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use common::logged::Logged;
-use common::*;
 
-/// A chain of five hanging from a pinned particle, away from everything that the tests do.
-fn bystanders(app: &mut App) -> Vec<Entity> {
+use crate::common::logged::Logged;
+use crate::common::*;
+
+/// A chain of five hanging from a pinned particle, independent of what the tests change.
+fn unrelated_chain(app: &mut App) -> Vec<Entity> {
     spawn_rope(app, Vec3::new(0.0, 20.0, 0.0), 5, 0.2, |spring| spring.with_stiffness(400.0))
 }
 
-/// The hash of the bystanders after `ticks` ticks in an app without anything else.
+/// The hash of that chain after `ticks` ticks in an app without anything else.
 fn undisturbed(ticks: u32) -> u64 {
     let mut app = app();
-    let chain = bystanders(&mut app);
+    let chain = unrelated_chain(&mut app);
     run(&mut app, ticks);
     hash(&app, &chain)
 }
@@ -34,7 +33,7 @@ fn assert_names(line: &str, entity: Entity, words: &[&str]) {
 fn a_spring_left_dangling_is_named_exactly_once() {
     let logged = Logged::start();
     let mut app = app();
-    let chain = bystanders(&mut app);
+    let chain = unrelated_chain(&mut app);
     let (first, second) = (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X));
     let spring = join(&mut app, Spring::new(first, second, 1.0));
     run(&mut app, 10);
@@ -44,9 +43,9 @@ fn a_spring_left_dangling_is_named_exactly_once() {
     assert_names(&logged.take_one(), spring, &["spring", &second.to_string()]);
     // Neither ticks nor other changes of the topology repeat it.
     run(&mut app, 5);
-    let passer_by = spawn(&mut app, 1.0, 0.1, Vec3::Y * -5.0);
+    let unrelated = spawn(&mut app, 1.0, 0.1, Vec3::Y * -5.0);
     run(&mut app, 5);
-    app.world_mut().despawn(passer_by);
+    app.world_mut().despawn(unrelated);
     run(&mut app, 9);
     logged.assert_silent();
     assert_eq!(report(&app).springs, 4);
@@ -77,21 +76,21 @@ fn a_dangling_spring_that_finds_a_new_end_works_and_is_named_again_when_it_loses
 fn a_spring_to_itself_or_to_no_particle_is_named_once() {
     let logged = Logged::start();
     let mut app = app();
-    let chain = bystanders(&mut app);
+    let chain = unrelated_chain(&mut app);
     let particle = spawn(&mut app, 1.0, 0.1, Vec3::ZERO);
-    let stranger = app.world_mut().spawn(Transform::default()).id();
+    let no_particle = app.world_mut().spawn(Transform::default()).id();
     let loop_spring = join(&mut app, Spring::new(particle, particle, 1.0));
     run(&mut app, 5);
     assert_names(&logged.take_one(), loop_spring, &["both"]);
-    let stray = join(&mut app, Spring::new(particle, stranger, 1.0));
+    let stray = join(&mut app, Spring::new(particle, no_particle, 1.0));
     run(&mut app, 5);
-    assert_names(&logged.take_one(), stray, &[&stranger.to_string()]);
+    assert_names(&logged.take_one(), stray, &[&no_particle.to_string()]);
     assert_eq!(report(&app).springs, 4);
     assert_eq!(hash(&app, &chain), undisturbed(10));
 }
 
 #[test]
-fn a_bad_particle_is_named_once_skipped_and_let_back_in_when_mended() {
+fn an_invalid_particle_is_named_once_skipped_and_accepted_when_corrected() {
     let bad = [
         ("mass", Particle::new(0.0, 0.1)),
         ("mass", Particle::new(-1.0, 0.1)),
@@ -104,46 +103,46 @@ fn a_bad_particle_is_named_once_skipped_and_let_back_in_when_mended() {
     let expected = undisturbed(12);
     for (field, particle) in bad {
         let mut app = app();
-        let chain = bystanders(&mut app);
-        let patient = app.world_mut().spawn((particle, Transform::from_xyz(5.0, 5.0, 0.0))).id();
+        let chain = unrelated_chain(&mut app);
+        let invalid = app.world_mut().spawn((particle, Transform::from_xyz(5.0, 5.0, 0.0))).id();
         let friend = spawn(&mut app, 1.0, 0.1, Vec3::X * 9.0);
-        join(&mut app, Spring::new(patient, friend, 4.0).with_stiffness(0.0));
+        join(&mut app, Spring::new(invalid, friend, 4.0).with_stiffness(0.0));
         run(&mut app, 6);
-        assert_names(&logged.take_one(), patient, &["particle", field]);
+        assert_names(&logged.take_one(), invalid, &["particle", field]);
         assert_eq!((report(&app).particles, report(&app).springs), (6, 4), "{particle:?}");
-        assert_eq!(position(&app, patient), Vec3::new(5.0, 5.0, 0.0));
-        *app.world_mut().get_mut::<Particle>(patient).unwrap() = Particle::new(1.0, 0.1);
+        assert_eq!(position(&app, invalid), Vec3::new(5.0, 5.0, 0.0));
+        *app.world_mut().get_mut::<Particle>(invalid).unwrap() = Particle::new(1.0, 0.1);
         run(&mut app, 6);
         logged.assert_silent();
         assert_eq!((report(&app).particles, report(&app).springs), (7, 5), "{particle:?}");
-        assert!(velocity(&app, patient).y < 0.0);
+        assert!(velocity(&app, invalid).y < 0.0);
         assert_eq!(hash(&app, &chain), expected, "{particle:?}");
     }
 }
 
 #[test]
-fn a_particle_that_turns_bad_while_it_runs_is_named_once() {
+fn a_particle_that_becomes_invalid_while_it_runs_is_named_once() {
     let logged = Logged::start();
     let mut app = app();
-    let chain = bystanders(&mut app);
-    let patient = spawn(&mut app, 1.0, 0.1, Vec3::X * 5.0);
+    let chain = unrelated_chain(&mut app);
+    let invalid = spawn(&mut app, 1.0, 0.1, Vec3::X * 5.0);
     run(&mut app, 5);
-    app.world_mut().get_mut::<Particle>(patient).unwrap().mass = -3.0;
+    app.world_mut().get_mut::<Particle>(invalid).unwrap().mass = -3.0;
     run(&mut app, 5);
-    assert_names(&logged.take_one(), patient, &["mass", "-3"]);
+    assert_names(&logged.take_one(), invalid, &["mass", "-3"]);
     assert_eq!(report(&app).particles, 5);
-    let stopped = position(&app, patient);
+    let stopped = position(&app, invalid);
     run(&mut app, 5);
-    assert_eq!(position(&app, patient), stopped);
-    app.world_mut().get_mut::<Particle>(patient).unwrap().mass = 3.0;
+    assert_eq!(position(&app, invalid), stopped);
+    app.world_mut().get_mut::<Particle>(invalid).unwrap().mass = 3.0;
     run(&mut app, 5);
-    assert!(position(&app, patient).y < stopped.y);
+    assert!(position(&app, invalid).y < stopped.y);
     assert_eq!(hash(&app, &chain), undisturbed(20));
     logged.assert_silent();
 }
 
 #[test]
-fn a_bad_spring_is_named_once_skipped_and_let_back_in_when_mended() {
+fn an_invalid_spring_is_named_once_skipped_and_accepted_when_corrected() {
     let logged = Logged::start();
     let expected = undisturbed(15);
     for (field, value) in [
@@ -155,7 +154,7 @@ fn a_bad_spring_is_named_once_skipped_and_let_back_in_when_mended() {
         ("damping", f32::NAN),
     ] {
         let mut app = app();
-        let chain = bystanders(&mut app);
+        let chain = unrelated_chain(&mut app);
         let (first, second) =
             (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X * 2.0));
         let good = Spring::new(first, second, 1.0);
@@ -179,30 +178,30 @@ fn a_bad_spring_is_named_once_skipped_and_let_back_in_when_mended() {
 }
 
 #[test]
-fn a_bad_force_is_named_once_each_time_it_turns_bad() {
+fn an_invalid_force_is_named_once_each_time_it_becomes_invalid() {
     let logged = Logged::start();
     let mut app = app();
-    let chain = bystanders(&mut app);
-    let patient = spawn(&mut app, 1.0, 0.1, Vec3::X * 5.0);
+    let chain = unrelated_chain(&mut app);
+    let invalid = spawn(&mut app, 1.0, 0.1, Vec3::X * 5.0);
     for (good, bad) in [(Some(Vec3::X), f32::NAN), (None, f32::NAN), (Some(Vec3::ZERO), f32::INFINITY)] {
-        app.world_mut().entity_mut(patient).insert(AppliedForce(Vec3::X * bad));
+        app.world_mut().entity_mut(invalid).insert(AppliedForce(Vec3::X * bad));
         run(&mut app, 5);
-        assert_names(&logged.take_one(), patient, &["particle", "applied force"]);
+        assert_names(&logged.take_one(), invalid, &["particle", "applied force"]);
         match good {
-            Some(force) => app.world_mut().entity_mut(patient).insert(AppliedForce(force)),
-            None => app.world_mut().entity_mut(patient).remove::<AppliedForce>(),
+            Some(force) => app.world_mut().entity_mut(invalid).insert(AppliedForce(force)),
+            None => app.world_mut().entity_mut(invalid).remove::<AppliedForce>(),
         };
         run(&mut app, 5);
         logged.assert_silent();
     }
-    // Five ticks of 1 N on 1 kg, and nothing of the bad forces.
-    assert!((velocity(&app, patient).x - 5.0 * TICK).abs() < 1e-6);
+    // Five ticks of 1 N on 1 kg, and none of the invalid forces.
+    assert!((velocity(&app, invalid).x - 5.0 * TICK).abs() < 1e-6);
     assert_eq!(report(&app).particles, 6);
     assert_eq!(hash(&app, &chain), undisturbed(30));
 }
 
 #[test]
-fn a_bad_plane_is_named_once_and_holds_nothing() {
+fn an_invalid_plane_is_named_once_and_holds_nothing() {
     let logged = Logged::start();
     let mut app = app();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
@@ -222,7 +221,7 @@ fn a_bad_plane_is_named_once_and_holds_nothing() {
 }
 
 #[test]
-fn bad_settings_are_named_once_and_are_ignored() {
+fn invalid_settings_are_named_once_and_are_ignored() {
     let logged = Logged::start();
     let mut app = app();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::ZERO);

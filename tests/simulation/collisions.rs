@@ -1,11 +1,12 @@
-//! Impacts in the pure solver beside their closed forms: restitution, shared momentum, who moves.
-
-mod common;
+//! Impacts in the pure solver beside their closed forms: restitution, momentum, and which of the two moves.
 
 use bevy::math::{Quat, Vec3, Vec3Swizzles};
 use bevy_mass_spring::solver::contacts::{ContactPartner, Plane, Pose};
 use bevy_mass_spring::solver::{PairRules, Scheme, SolverState, StepSettings, energy, step};
-use common::bodies::{Ball, falling, floating, position, step_past_contact, velocity, with_ground, world};
+
+use crate::common::bodies::{
+    Ball, falling, floating, position, step_past_contact, velocity, with_ground, world,
+};
 
 /// The heights above the ground of the first `count` peaks of a ball dropped from 1 m.
 fn peaks(settings: &StepSettings, restitution: f32, count: usize) -> Vec<f32> {
@@ -31,7 +32,7 @@ fn peaks(settings: &StepSettings, restitution: f32, count: usize) -> Vec<f32> {
 }
 
 /// Seen only at the ends of ticks, a peak is missed by at most g (dt/2)² / 2 = 0.34 mm: less than 0.6 %
-/// of the lowest peak here (62 mm). The rest of the 3 % that are asked for is the scheme's.
+/// of the lowest peak here (62 mm). The rest of the required 3 % is the scheme's.
 #[test]
 fn a_dropped_ball_peaks_in_the_ratio_of_restitution_squared() {
     for scheme in Scheme::ALL {
@@ -52,7 +53,7 @@ fn a_dropped_ball_peaks_in_the_ratio_of_restitution_squared() {
     }
 }
 
-/// An elastic ball neither gains height, which it would do for ever, nor loses any.
+/// An elastic ball neither gains nor loses height.
 #[test]
 fn an_elastic_ball_gains_no_energy() {
     for scheme in Scheme::ALL {
@@ -89,7 +90,7 @@ fn central_impact([m1, m2]: [f64; 2], [v1, v2]: [f64; 2], restitution: f64) -> [
     [(momentum - m2 * change) / (m1 + m2), (momentum + m1 * change) / (m1 + m2)]
 }
 
-/// The issue asks for 1e-4; the few roundings of the impact, at speeds below 4 m/s, make some 1e-6.
+/// The requirement is 1e-4; the few roundings of the impact, at speeds below 4 m/s, make some 1e-6.
 #[test]
 fn two_balls_collide_centrally_as_the_closed_form_says() {
     for scheme in Scheme::ALL {
@@ -145,7 +146,7 @@ fn an_oblique_impact_leaves_the_tangential_velocities() {
     assert!((after.momentum - before.momentum).length() < 2e-6 * 4.0);
     assert!(after.kinetic_energy < before.kinetic_energy);
     let impulse = masses[record.slot] * (velocity(&state, record.slot) - velocities[record.slot]).dot(normal);
-    assert!((record.impulse - impulse).abs() < 1e-5, "the record tells the impulse");
+    assert!((record.impulse - impulse).abs() < 1e-5, "the record contains the impulse");
 }
 
 /// Balls of different masses are pushed apart in inverse proportion, at once: the centre of mass stays.
@@ -201,7 +202,7 @@ fn a_pair_is_recorded_the_same_way_round() {
 }
 
 #[test]
-fn a_pinned_ball_is_a_wall() {
+fn a_pinned_ball_acts_as_a_wall() {
     for scheme in Scheme::ALL {
         for restitution in [0.0, 0.5, 1.0] {
             let mut state = world([
@@ -218,7 +219,7 @@ fn a_pinned_ball_is_a_wall() {
 
 /// Section 3 of lab.md: a particle that is already leaving keeps its velocity.
 #[test]
-fn who_leaves_keeps_the_velocity() {
+fn a_leaving_particle_keeps_its_velocity() {
     for scheme in Scheme::ALL {
         let leaving = [Vec3::new(-0.3, 0.2, 0.0), Vec3::new(0.1, 0.0, 0.5)];
         let mut state = world([
@@ -293,7 +294,7 @@ fn a_moving_plane_pushes_with_its_velocity() {
     }
 }
 
-/// A lift that starts and stops carries a ball on it, with its velocity, and never throws it.
+/// A lift that starts and stops carries a ball at its velocity, and never throws it.
 #[test]
 fn a_lift_carries_a_resting_ball() {
     let mut state = with_ground(world([Ball::at(Vec3::Y * 0.1)]), 0.0, 0.0);
@@ -329,7 +330,7 @@ fn a_rotated_plane_pushes_along_its_normal() {
     assert!((distance - 0.1).abs() < 1e-6);
 }
 
-/// Momentum is exchanged in many impacts at once, and none is made: roundings only.
+/// Momentum is exchanged in many impacts at once, and conserved: roundings only.
 #[test]
 fn a_cloud_of_colliding_balls_keeps_its_momentum() {
     let balls = (0..64_u16).map(|number| {

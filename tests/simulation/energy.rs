@@ -1,7 +1,5 @@
 //! Conserved and bounded quantities: energy of each scheme, and momentum.
 
-mod common;
-
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
 
@@ -34,7 +32,7 @@ fn phase(state: &SolverState) -> (f64, f64) {
     (omega * f64::from(position.x), f64::from(velocity.x))
 }
 
-/// In the plane of q = ω x and v a step is a 2×2 matrix. The test knows for each scheme its
+/// In the plane of q = ω x and v a step is a 2×2 matrix. The test has for each scheme its
 /// determinant and the quadratic form Q that a step multiplies by it; energy stays between the values
 /// that Q allows. Each step rounds q and v by a few u, so Q by less than 8 u.
 fn assert_form_grows(
@@ -80,7 +78,7 @@ fn semi_implicit_euler_keeps_energy_within_bounds() {
     let (low, high) = (conserved / (1.0 + h_omega / 2.0), conserved / (1.0 - h_omega / 2.0));
     let (least, most) = energies.iter().fold((f64::MAX, 0.0_f64), |(a, b), e| (a.min(*e), b.max(*e)));
     assert!(low / slack <= least && most <= high * slack, "{least} to {most}, not {low} to {high}");
-    // It does oscillate between the two, and does not just stand still.
+    // It does oscillate between the two.
     assert!(most - least > 0.9 * (high - low));
 }
 
@@ -112,7 +110,7 @@ fn runge_kutta_loses_energy_by_the_known_factor() {
     assert!(energies[19_999] < 0.94 * energies[0]);
 }
 
-/// A net of 24 particles that nothing outside acts on; some springs damp, all particles drift.
+/// A net of 24 particles without external forces; some springs damp, all particles drift.
 fn free_net() -> SolverState {
     let mut state = SolverState::default();
     let mut random = 1_u32;
@@ -164,7 +162,7 @@ fn a_free_net_keeps_its_momentum() {
             let drift = (now - start).length() / scale;
             assert!(drift < 1e-5, "{scheme:?}, tick {tick}: momentum drifts by {drift:e}");
         }
-        // Something happened: the springs have exchanged momentum that dwarfs the tolerance.
+        // The springs have exchanged momentum far above the tolerance.
         let exchanged = state.particles.velocity.get(0) - free_net().particles.velocity.get(0);
         assert!(exchanged.length() > 0.1, "{scheme:?}");
     }

@@ -1,14 +1,13 @@
-//! Balls that springs draw into each other: where they collide, and that no energy comes of it.
-
-mod common;
+//! Balls that springs pull into each other: when they collide, and that they gain no energy.
 
 use bevy::math::Vec3;
 use bevy::prelude::{Entity, World};
 use bevy_mass_spring::prelude::{CollisionSettings, ParticleVelocity, Spring};
 use bevy_mass_spring::solver::stability::FrequencyBounds;
 use bevy_mass_spring::solver::{PairRules, Scheme, SolverState, StepSettings, energy, step};
-use common::bodies::{Ball, GRAVITY, floating, position, velocity, world};
-use common::{app, join, plain, run, spawn};
+
+use crate::common::bodies::{Ball, GRAVITY, floating, position, velocity, world};
+use crate::common::{self, app, join, plain, run, spawn};
 
 /// The chain of `assets/scenes/chain.scene.ron` with other radii.
 fn chain(radius: f32) -> SolverState {
@@ -60,8 +59,8 @@ fn automatic(state: &SolverState) -> StepSettings {
     }
 }
 
-/// Runs 20 s of `state`. Its energy H may never exceed that of the start, but for what the scheme swaps
-/// to and fro: semi-implicit Euler conserves H + (h/2) v·F to its order. By Cauchy and Schwarz, v·F is
+/// Runs 20 s of `state`. Its energy H may never exceed that of the start, apart from the oscillation of
+/// the scheme: semi-implicit Euler conserves H + (h/2) v·F to its order. By Cauchy and Schwarz, v·F is
 /// at most √(2 T) ω √(2 V) for the springs (T kinetic, V elastic energy; `Auto` keeps h ω <= 1) and
 /// g √(2 T M) for the weight of the whole mass M.
 ///
@@ -111,7 +110,7 @@ fn a_net_of_any_radius_comes_to_rest() {
 
 /// Nothing overlaps at the start, but the springs press everything together, with up to 900 J.
 #[test]
-fn a_net_that_snaps_together_gains_nothing() {
+fn a_net_that_contracts_gains_no_energy() {
     for (radius, stretch) in [(0.06, 1.5), (0.08, 1.5), (0.08, 2.0), (0.09, 2.0)] {
         let case = format!("net of radius {radius}, stretched {stretch} times");
         let [early, late] = mean_kinetic_energies(net(radius, stretch), &case);
@@ -154,10 +153,10 @@ fn a_pair_collides_unless_its_spring_is_shorter() {
     }
 }
 
-/// Two balls that lie in each other when they are first seen, each on a spring of its own: they stay,
-/// and collide once they have come apart.
+/// Two balls that overlap at first contact, each on a spring of its own: they stay, and collide once they
+/// have separated.
 #[test]
-fn what_springs_hold_in_each_other_is_not_torn_apart() {
+fn overlaps_held_by_springs_are_not_pushed_apart() {
     let anchor = |x: f32| Ball { mass: f32::INFINITY, radius: 0.0, ..Ball::at(Vec3::X * x) };
     let mut state = world([anchor(-1.0), anchor(1.0), Ball::at(Vec3::X * -0.05), Ball::at(Vec3::X * 0.05)]);
     state.springs.push(0, 2, 0.95, 100.0, 5.0);

@@ -1,0 +1,8 @@
+//! What the crate logs: warnings about bad values, and particles that become non-finite.
+//!
+//! The log belongs to the process, so each test here holds `Logged` from its first line on.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod faults;
+mod warnings;

@@ -1,0 +1,24 @@
+//! The physics and the plugin, in one process: tests that need nothing of it for themselves.
+//!
+//! Tests that do are binaries of their own: task pools of a given size (`determinism`, `edits`), the log
+//! (`logging`), the allocator (`allocations`), a display (`window`).
+
+mod ambiguity;
+mod collisions;
+#[path = "../common/mod.rs"]
+mod common;
+mod control;
+mod energy;
+mod implicit_euler;
+mod lifecycle;
+mod mixture;
+mod overlap;
+mod physics;
+mod pinning;
+mod plugins;
+mod prescribed;
+mod properties;
+#[cfg(feature = "scene")]
+mod reflection;
+mod resting;
+mod schemes;
