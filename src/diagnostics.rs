@@ -3,44 +3,11 @@
 //! [`DiagnosticsStore`]: bevy::diagnostic::DiagnosticsStore
 
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
-use bevy::math::DVec3;
 use bevy::prelude::*;
 
 use crate::report::TickReport;
+pub use crate::solver::Measurements;
 use crate::schedule::{MassSpringSystems, simulation_schedule, time_advances};
-
-/// Physical quantities of the whole simulation at the end of the last tick.
-///
-/// They are computed only while this resource exists: add [`MassSpringDiagnosticsPlugin`], or insert
-/// the resource. Sums are accumulated in f64. Pinned particles have no energy and no momentum.
-#[derive(Resource, Reflect, Debug, Clone, Copy, Default, PartialEq)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-#[reflect(Resource, Default, Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
-#[non_exhaustive]
-pub struct Measurements {
-    /// Σ ½ m v², J.
-    pub kinetic_energy: f64,
-    /// Σ ½ k (l − l0)², J.
-    pub elastic_energy: f64,
-    /// −Σ m g·x, J: zero at the origin; zero where gravity is switched off.
-    pub gravitational_energy: f64,
-    /// Σ m v, N·s.
-    pub momentum: DVec3,
-    /// The largest speed of a free particle, m/s.
-    pub max_speed: f64,
-    /// The largest |l − l0| / l0 of the springs with l0 > 0.
-    pub max_stretch: f64,
-    /// The mean |l − l0| / l0 of the springs with l0 > 0.
-    pub mean_stretch: f64,
-}
-
-impl Measurements {
-    /// Kinetic, elastic and gravitational energy together, J.
-    pub fn total_energy(&self) -> f64 {
-        self.kinetic_energy + self.elastic_energy + self.gravitational_energy
-    }
-}
 
 /// Computes [`Measurements`] each tick and records them, with the cost of each stage, into Bevy's
 /// [`DiagnosticsStore`](bevy::diagnostic::DiagnosticsStore), where `LogDiagnosticsPlugin` and

@@ -75,12 +75,16 @@ pub mod prelude {
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
-    pub use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
-    pub use crate::report::{ParticleFault, TickReport};
+    pub use crate::particle::{
+        AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
+    };
+    pub use crate::report::{ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
-    pub use crate::settings::{Integrator, SolverSettings, Substeps};
-    pub use crate::snapshot::{RestoreInitialState, TakeInitialState};
+    pub use crate::settings::{Integrator, OrphanedSprings, SolverSettings, SubstepMode};
+    pub use crate::snapshot::{
+        MassSpringState, RestoreInitialState, Snapshot, SnapshotError, TakeInitialState,
+    };
     pub use crate::spring::Spring;
     pub use crate::time_control::{SingleStep, SingleStepPlugin};
     pub use crate::{MassSpringPlugin, MassSpringPlugins, MassSpringSystems};

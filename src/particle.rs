@@ -58,8 +58,8 @@ pub struct ParticleVelocity(pub Vec3);
 
 /// Gives a particle infinite mass: no force and no contact moves it.
 ///
-/// It moves with its [`Transform`] and those of its parents, and drags along what is tied to it: the motion since the last tick is spread evenly over the substeps, and springs,
-/// dampers and contacts see its velocity.
+/// It moves with its [`Transform`] and those of its parents, and drags along what is tied to it: the motion since
+/// the last tick is spread evenly over the substeps, and springs, dampers and contacts see its velocity.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
@@ -85,3 +85,15 @@ pub struct AppliedForce(pub Vec3);
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Quarantined;
+
+/// The place of a particle or spring in the order in which the simulation adds forces and numbers particles.
+///
+/// Results depend on that order in their last bits. By default it is the order in which entities got their
+/// [`Particle`] or `Spring`; where that differs between two apps which must agree to the bit, give each entity a
+/// number. Those with smaller ones come first, those without one last. A new number has all of them sorted again.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[component(immutable)]
+pub struct SimulationOrder(pub u64);

@@ -71,3 +71,19 @@ pub struct ParticleFault {
     /// The tick in which it happened, counted as in [`TickReport::tick`].
     pub tick: u64,
 }
+
+/// The forces of all springs at the end of the last tick.
+///
+/// They are computed only while this resource exists: insert it to read them.
+#[derive(Resource, Reflect, Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
+pub struct SpringForces {
+    /// Each spring in the simulation and its tension in N, damper included; negative where it pushes. In the order of
+    /// spawning.
+    pub tensions: Vec<(Entity, f32)>,
+    /// Each pinned particle with springs, and the force in N with which they pull at it, in world space.
+    pub reactions: Vec<(Entity, Vec3)>,
+}

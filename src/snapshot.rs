@@ -1,12 +1,14 @@
-//! Restart: the initial state of every particle and spring, and the commands that take and restore it.
+//! Snapshots, what rollback libraries save, and restarts.
 
 use bevy::prelude::*;
 
 use crate::sync;
 
-/// Records the present state of all particles and springs as their initial state.
+pub use crate::sync::{MassSpringState, Snapshot, SnapshotError};
+
+/// Takes a [`Snapshot`] as the initial state.
 ///
-/// The plugin does this by itself for each particle and spring in the first tick that sees it.
+/// Without it the initial state of each particle, spring and plane is that of the first tick that sees it.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -26,12 +28,11 @@ impl Command for TakeInitialState {
     }
 }
 
-/// Puts all particles and springs back into their initial state, bit for bit.
+/// Puts all particles, springs and planes back into their initial state, bit for bit.
 ///
-/// Positions, velocities, masses, radii, applied forces, pins and the parameters of springs return to
-/// what they were; [quarantined](crate::particle::Quarantined) particles come back; what was
-/// reported and measured of the last tick is reset, the tick counter with it. What runs after it repeats what ran before it, to the last bit. Entities that
-/// were despawned in the meantime stay so.
+/// It is the [`Snapshot`] that [`TakeInitialState`] took last, or what each entity was in the first tick that saw it.
+/// What was reported and measured of the last tick is reset, the tick counter with it. What follows repeats what
+/// followed before, to the last bit. Entities that were despawned in the meantime stay so.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RestoreInitialState;
 

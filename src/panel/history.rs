@@ -5,9 +5,7 @@ use std::collections::VecDeque;
 use bevy::prelude::*;
 
 use crate::diagnostics::Measurements;
-use crate::particle::{Particle, ParticleVelocity};
-use crate::report::TickReport;
-use crate::spring::Spring;
+use crate::report::{SpringForces, TickReport};
 
 /// The length of the plotted window, s.
 pub(super) const SECONDS: f64 = 10.0;
@@ -85,37 +83,19 @@ pub(super) fn record_history(
     mut history: ResMut<History>,
     time: Res<Time>,
     (report, measurements): (Res<TickReport>, Res<Measurements>),
-    springs: Query<&Spring>,
-    particles: Query<(&Transform, &ParticleVelocity), With<Particle>>,
+    forces: Res<SpringForces>,
 ) {
     history.last_tick = report.tick;
     history.record_energy(time.elapsed_secs_f64(), &measurements);
     history.record_cost(&report);
 
-    let count = springs.iter().len();
     // Long nets are plotted as the largest tension of each group of neighbours.
-    let group = count.div_ceil(MAX_TENSION_POINTS).max(1);
+    let group = forces.tensions.len().div_ceil(MAX_TENSION_POINTS).max(1);
     history.tension.clear();
-    for (index, spring) in springs.iter().enumerate() {
-        let tension = particles.get_many(spring.particles).map_or(0.0, |ends| tension(spring, ends));
-        if index % group == 0 {
-            history.tension.push([index as f64 + 1.0, tension]);
-        } else if let Some(last) = history.tension.last_mut() {
-            last[1] = last[1].max(tension);
-        }
-    }
-}
-
-/// The force with which a spring pulls its ends together, damper included, in N; negative if it pushes.
-fn tension(spring: &Spring, ends: [(&Transform, &ParticleVelocity); 2]) -> f64 {
-    let [(first, first_velocity), (second, second_velocity)] = ends;
-    let between = first.translation - second.translation;
-    let length = between.length();
-    if length == 0.0 {
-        return 0.0;
-    }
-    let rate = (first_velocity.0 - second_velocity.0).dot(between / length);
-    f64::from(spring.stiffness * (length - spring.rest_length) + spring.damping * rate)
+    history.tension.extend(forces.tensions.chunks(group).enumerate().map(|(index, springs)| {
+        let largest = springs.iter().map(|(_, tension)| *tension).fold(f32::NEG_INFINITY, f32::max);
+        [(index * group) as f64 + 1.0, f64::from(largest)]
+    }));
 }
 
 #[cfg(test)]
@@ -131,15 +111,5 @@ mod tests {
         let (first, last) = (history.energy.front().unwrap().time, history.energy.back().unwrap().time);
         assert!(history.energy.len() <= MAX_ENERGY_SAMPLES);
         assert!((last - first) > 0.9 * SECONDS && (last - first) <= SECONDS + 1e-9, "{first} to {last}");
-    }
-
-    #[test]
-    fn a_stretched_spring_pulls() {
-        let spring =
-            Spring::new(Entity::PLACEHOLDER, Entity::PLACEHOLDER, 1.0).with_stiffness(10.0).with_damping(2.0);
-        let (at, moving) = (Transform::from_xyz(1.5, 0.0, 0.0), ParticleVelocity(Vec3::X));
-        let (origin, resting) = (Transform::IDENTITY, ParticleVelocity::default());
-        assert_eq!(tension(&spring, [(&at, &moving), (&origin, &resting)]), 7.0);
-        assert_eq!(tension(&spring, [(&origin, &resting), (&origin, &resting)]), 0.0);
     }
 }

@@ -19,6 +19,7 @@ use bevy_egui::{
 
 use crate::diagnostics::Measurements;
 use crate::particle::Particle;
+use crate::report::SpringForces;
 use crate::schedule::{MassSpringSystems, simulation_schedule, time_advances};
 use crate::snapshot::RestoreInitialState;
 use crate::spring::Spring;
@@ -47,6 +48,7 @@ impl Plugin for MassSpringPanelPlugin {
             app.add_plugins(EguiPlugin::default());
         }
         app.init_resource::<Measurements>()
+            .init_resource::<SpringForces>()
             .init_resource::<history::History>()
             .add_systems(PreUpdate, history::reset_after_restart)
             .add_systems(EguiPrimaryContextPass, draw_panel.in_set(MassSpringPanelSystems));

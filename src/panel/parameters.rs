@@ -9,7 +9,7 @@ use super::widgets::{Scale, TEXT_SIZE, field, parameter, row, slider};
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::particle::{Particle, Pinned};
-use crate::settings::{Integrator, SolverSettings, Substeps};
+use crate::settings::{Integrator, SolverSettings, SubstepMode};
 use crate::spring::Spring;
 
 /// Gravity and viscosity.
@@ -100,12 +100,12 @@ pub(super) fn draw_integration(
     let mut edited = *settings;
     row(&mut ui, "scheme", |ui| draw_scheme(ui, &mut edited.integrator));
     row(&mut ui, "substeps", |ui| {
-        let mut automatic = edited.substeps == Substeps::Auto;
-        let mut count = if let Substeps::Fixed(count) = edited.substeps { count } else { 4 };
+        let mut automatic = edited.substeps == SubstepMode::Auto;
+        let mut count = if let SubstepMode::Fixed(count) = edited.substeps { count } else { 4 };
         ui.checkbox(&mut automatic, "Auto");
         let slider = egui::Slider::new(&mut count, 1..=200).logarithmic(true).update_while_editing(false);
         ui.add_enabled(!automatic, slider);
-        edited.substeps = if automatic { Substeps::Auto } else { Substeps::Fixed(count.max(1)) };
+        edited.substeps = if automatic { SubstepMode::Auto } else { SubstepMode::Fixed(count.max(1)) };
     });
     settings.set_if_neq(edited);
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::collider::CollisionSettings;
 use crate::environment::Environment;
-use crate::settings::{Integrator, SolverSettings, Substeps};
+use crate::settings::{Integrator, SolverSettings, SubstepMode};
 
 /// The content of a scene file: settings, particles, springs and planes.
 ///
@@ -45,13 +45,13 @@ pub struct SceneSolver {
     pub time_step: f64,
     /// The integration scheme. Default [`Integrator::Auto`].
     pub integrator: Integrator,
-    /// How many substeps a tick is divided into. Default [`Substeps::Auto`].
-    pub substeps: Substeps,
+    /// How many substeps a tick is divided into. Default [`SubstepMode::Auto`].
+    pub substeps: SubstepMode,
 }
 
 impl Default for SceneSolver {
     fn default() -> Self {
-        Self { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: Substeps::Auto }
+        Self { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: SubstepMode::Auto }
     }
 }
 

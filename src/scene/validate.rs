@@ -8,7 +8,7 @@ use super::error::{SceneError, SceneErrorReason};
 use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::Particle;
-use crate::settings::Substeps;
+use crate::settings::SubstepMode;
 
 /// A step from the root of a scene towards one of its fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,7 +107,7 @@ impl MassSpringScene {
         self.environment.validate().map_err(|invalid| Fault::new(&[Step::Field("environment")], invalid))?;
         let solver = [Step::Field("solver")];
         self.solver.tick().map_err(|invalid| Fault::new(&solver, invalid))?;
-        if self.solver.substeps == Substeps::Fixed(0) {
+        if self.solver.substeps == SubstepMode::Fixed(0) {
             let expected = "Auto or Fixed(n) with n >= 1".to_owned();
             return Err(Fault::with_expected(&solver, "substeps", "Fixed(0)".to_owned(), expected));
         }

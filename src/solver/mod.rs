@@ -56,5 +56,6 @@ pub use outputs::Outputs;
 pub use settings::{Integrator, StepSettings, SubstepMode, UnknownIntegrator};
 pub use stability::{FrequencyBounds, MAX_SUBSTEPS, Plan};
 pub use state::State;
+pub(crate) use state::Version;
 pub use step::{Inputs, PinnedMotion};
 pub(crate) use step::{Caches, step};

@@ -14,7 +14,7 @@ use super::particles::Particles;
 
 /// Marks contents: what has the same version is the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Version(u64);
+pub(crate) struct Version(u64);
 
 impl Version {
     /// One that nothing else ever had in this process.
@@ -54,10 +54,20 @@ pub struct State {
 }
 
 impl State {
-    /// Removes everything.
+    /// Removes all particles and elements; what is remembered of contacts waits for
+    /// [`renumber_contacts`](Self::renumber_contacts).
     pub(crate) fn clear(&mut self) {
         self.particles.clear();
         self.elements.clear();
+    }
+
+    /// Keeps what is remembered of contacts for particles that are back in other slots: `new_slots[old]`.
+    pub(crate) fn renumber_contacts(&mut self, new_slots: &[Option<u32>]) {
+        self.contacts.renumber(new_slots, self.particles.len());
+    }
+
+    /// Resets what is remembered of contacts, as if the simulation had just started.
+    pub(crate) fn forget_contacts(&mut self) {
         self.contacts.forget();
     }
 
@@ -137,6 +147,6 @@ impl State {
         self.particles.renumber(new_slots);
         self.elements.renumber(new_slots);
         let new_slots: Vec<Option<u32>> = new_slots.iter().map(|slot| Some(*slot)).collect();
-        self.contacts.renumber(&new_slots, new_slots.len());
+        self.renumber_contacts(&new_slots);
     }
 }

@@ -1,9 +1,9 @@
 //! What interpolation does to a `Transform` between ticks, seen through; nothing without the feature.
 
 #[cfg(feature = "interpolation")]
-pub(super) use eased::{exact_translation, forget};
+pub(super) use eased::{exact_translation, reset};
 #[cfg(not(feature = "interpolation"))]
-pub(super) use exact::{exact_translation, forget};
+pub(super) use exact::{exact_translation, reset};
 
 #[cfg(feature = "interpolation")]
 mod eased {
@@ -12,7 +12,7 @@ mod eased {
 
     /// The translation from which the next tick will start, in whatever frame between two ticks.
     ///
-    /// That is the end of the last tick, which easing approaches, unless somebody has moved the entity
+    /// That is the end of the last tick, which easing approaches, unless the entity was moved
     /// since then: the same rule as that of bevy_transform_interpolation.
     pub fn exact_translation(world: &World, entity: EntityRef) -> Option<Vec3> {
         let transform = entity.get_ref::<Transform>()?;
@@ -31,7 +31,7 @@ mod eased {
     ///
     /// It would take a place that equals the start of the last tick for its own doing, not for a change,
     /// and put the end of that tick in its stead when the next one begins.
-    pub fn forget(entity: &mut EntityWorldMut) {
+    pub fn reset(entity: &mut EntityWorldMut) {
         if let Some(mut easing) = entity.get_mut::<TranslationEasingState>() {
             (easing.start, easing.end) = (None, None);
         }
@@ -46,5 +46,5 @@ mod exact {
         Some(entity.get::<Transform>()?.translation)
     }
 
-    pub fn forget(_entity: &mut EntityWorldMut) {}
+    pub fn reset(_entity: &mut EntityWorldMut) {}
 }

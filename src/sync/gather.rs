@@ -10,15 +10,15 @@ use bevy::prelude::*;
 use crate::collider::PlaneCollider;
 use crate::parameter;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned};
-use crate::solver::particles::{cut_off, set};
-use crate::solver::{self, PinnedMotion, SolverState, blocks};
+use crate::solver::particles::{self, set, split_off};
+use crate::solver::{PinnedMotion, parallel};
 
 use super::Simulation;
 use super::hierarchy::{Hierarchy, to_world};
-use super::index::Index;
-use super::numbering::{self, Applicants, EditedSprings};
 use super::planes::{GatheredPlanes, gather_planes};
-use super::roster::Slot;
+use super::registry::Slot;
+use super::slots::{self, Bookkeeping, Candidates, SpringQueries};
+use super::state::{MassSpringState, Warnings};
 
 /// What this tick found out about single particles.
 #[derive(Resource, Default)]
@@ -55,27 +55,30 @@ pub(super) struct Particles<'w, 's> {
 
 /// The whole stage, one system: each costs more to start than what there is to do in a small scene.
 pub(super) fn gather(
-    mut index: ResMut<Index>,
+    mut state: ResMut<MassSpringState>,
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
     mut gathered_planes: ResMut<GatheredPlanes>,
-    mut queries: ParamSet<(Query<EditedSprings>, Applicants, Particles)>,
-    planes: Query<&PlaneCollider>,
+    mut queries: ParamSet<(SpringQueries, Candidates, Particles)>,
+    mut bookkeeping: Bookkeeping,
+    planes: Query<(&PlaneCollider, &Transform)>,
     hierarchy: Hierarchy,
 ) {
     gathered.start = Some(Instant::now());
-    let (index, simulation) = (&mut *index, &mut *simulation);
-    let edits = numbering::copy_edited_springs(index, simulation, &queries.p0());
-    numbering::refresh_slots(index, simulation, &edits, queries.p1());
-    gather_particles(index, simulation, &mut gathered, &queries.p2(), &hierarchy);
-    gather_planes(index, simulation, &mut gathered_planes, &planes, &hierarchy);
+    let (state, simulation) = (&mut *state, &mut *simulation);
+    let edits = slots::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
+    slots::refresh_slots(state, simulation, &edits, queries.p1(), &mut bookkeeping);
+    let warnings = &mut bookkeeping.warnings;
+    gather_particles(state, simulation, &mut gathered, warnings, &queries.p2(), &hierarchy);
+    gather_planes(state, simulation, &mut gathered_planes, &mut bookkeeping, &planes, &hierarchy);
 }
 
 /// Copies all particles into their slots: those without a parent by whole tables, the others one by one.
 fn gather_particles(
-    index: &mut Index,
+    state: &mut MassSpringState,
     simulation: &mut Simulation,
     gathered: &mut Gathered,
+    warnings: &mut Warnings,
     particles: &Particles,
     hierarchy: &Hierarchy,
 ) {
@@ -90,9 +93,9 @@ fn gather_particles(
     faults.clear();
     std::mem::swap(old_bad_forces, bad_forces);
     bad_forces.clear();
-    simulation.state.pinned.clear();
-    simulation.state.particles.applied_force.fill(Vec3::ZERO);
-    let mut gathering = Gathering { index, simulation, faults, bad_forces };
+    simulation.inputs.pinned.clear();
+    state.solver.particles.applied_force.fill(Vec3::ZERO);
+    let mut gathering = Gathering { state, simulation, warnings, faults, bad_forces };
     let tables = particles.free_standing.contiguous_iter();
     for table in tables.expect("these components are all stored in tables") {
         gathering.copy_table(table, exceptions);
@@ -111,15 +114,16 @@ fn gather_particles(
     }
     // Parents first: a particle may be the parent of another.
     parented_slots.sort_unstable_by_key(|(depth, slot, _)| (*depth, *slot));
-    index.fresh.fill(false);
+    simulation.fresh.fill(false);
     for entity in old_bad_forces.iter().filter(|entity| !bad_forces.contains(entity)) {
-        index.forgive(*entity);
+        warnings.clear(*entity);
     }
 }
 
 struct Gathering<'a> {
-    index: &'a mut Index,
+    state: &'a mut MassSpringState,
     simulation: &'a mut Simulation,
+    warnings: &'a mut Warnings,
     faults: &'a mut Vec<usize>,
     bad_forces: &'a mut Vec<Entity>,
 }
@@ -137,7 +141,7 @@ impl Gathering<'_> {
             exceptions.extend(0..entities.len());
         } else {
             let rows = Rows { slots, particles, transforms, velocities };
-            rows.copy_unchanged(&mut self.simulation.state.particles, exceptions);
+            rows.copy_unchanged(&mut self.state.solver.particles, exceptions);
         }
         for &row in &*exceptions {
             let force = forces.map(|forces| &forces[row]);
@@ -151,44 +155,48 @@ impl Gathering<'_> {
     fn copy(&mut self, particle: <ParticleData as QueryData>::Item<'_, '_>, position: Vec3) {
         let (entity, slot, particle, _, velocity, force, pinned) = particle;
         let Some(slot) = slot.get() else { return };
-        let state = &mut self.simulation.state;
         if particle.validate().is_ok() {
             let inverse_mass = if pinned { 0.0 } else { 1.0 / particle.mass };
-            if state.particles.inverse_mass[slot] != inverse_mass {
-                state.particles.inverse_mass[slot] = inverse_mass;
-                state.contacts.invalidate();
-                // Springs that came with it have said so themselves.
-                self.simulation.bounds_are_stale |= !self.index.fresh[slot];
-            }
-            if state.particles.radius[slot] != particle.radius {
-                state.particles.radius[slot] = particle.radius;
-                state.contacts.invalidate();
-            }
+            self.state.solver.set_particle(slot, inverse_mass, particle.radius);
         } else {
             // The last good values serve for this tick; the next one leaves the particle out.
-            self.index.changed = true;
+            self.state.is_outdated = true;
         }
         let finite = position.is_finite() && velocity.is_finite();
         if !finite {
             self.faults.push(slot);
         }
         let force = self.checked_force(entity, force);
-        let state = &mut self.simulation.state;
-        state.particles.applied_force.set(slot, force);
+        let solver = &mut self.state.solver;
+        solver.particles.applied_force.set(slot, force);
         if pinned {
-            pin(state, slot, position, self.index.fresh[slot], finite);
+            self.pin(slot, position, finite);
         } else if finite {
-            state.particles.position.set(slot, position);
-            state.particles.velocity.set(slot, velocity.0);
+            let moved = position.distance_squared(solver.particles.position.get(slot));
+            if moved > particle.radius * particle.radius {
+                solver.teleport(slot, position);
+            }
+            solver.particles.position.set(slot, position);
+            solver.particles.velocity.set(slot, velocity.0);
         } else {
-            state.particles.velocity.set(slot, Vec3::ZERO);
+            solver.particles.velocity.set(slot, Vec3::ZERO);
         }
+    }
+
+    /// Sends a pinned particle from where it was to `target`.
+    fn pin(&mut self, slot: usize, target: Vec3, finite: bool) {
+        let position = &mut self.state.solver.particles.position;
+        let last = position.get(slot);
+        let target = if finite { target } else { last };
+        let start = if self.simulation.fresh[slot] { target } else { last };
+        position.set(slot, start);
+        self.simulation.inputs.pinned.push(PinnedMotion { slot, start, target });
     }
 
     fn checked_force(&mut self, entity: Entity, force: Option<&AppliedForce>) -> Vec3 {
         let force = force.map_or(Vec3::ZERO, |force| force.0);
         if let Err(problem) = parameter::finite("applied force", force) {
-            self.index.warn_once(entity, format_args!("particle {entity} is not pushed: {problem}"));
+            self.warnings.warn_once(entity, format_args!("particle {entity} is not pushed: {problem}"));
             self.bad_forces.push(entity);
             return Vec3::ZERO;
         }
@@ -196,12 +204,12 @@ impl Gathering<'_> {
     }
 }
 
-/// So many rows of a table are copied as one part.
+/// Number of rows of a table that are copied as one part.
 pub(super) const ROWS: usize = 4096;
 
-/// From so many rows on the parts are shared among threads: to wake one takes a third of the time in which they
-/// are copied one way.
-pub(super) const WORTH_SHARING: usize = 16_384;
+/// Number of rows from which on the parts are shared among threads: to wake one takes a third of the time in which
+/// they are copied one way.
+pub(super) const MIN_SHARED: usize = 16_384;
 
 /// A table of free particles.
 struct Rows<'a> {
@@ -212,10 +220,10 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// Copies those with which all is well and whose parameters are known already. The others are
-    /// `exceptions`, in order.
-    fn copy_unchanged(&self, to: &mut solver::Particles, exceptions: &mut Vec<usize>) {
-        let solver::Particles { position, velocity, inverse_mass, radius, .. } = to;
+    /// Copies those with good values, known parameters and no motion since the last tick of more than their radius.
+    /// The others are `exceptions`, in order.
+    fn copy_unchanged(&self, to: &mut particles::Particles, exceptions: &mut Vec<usize>) {
+        let (position, velocity, inverse_mass, radius) = to.motion_mut();
         let (count, size) = (self.slots.len(), if self.are_in_order() { ROWS } else { self.slots.len() });
         let (mut positions, mut velocities, mut passed) = (position.axes_mut(), velocity.axes_mut(), 0);
         let parts = (0..count).step_by(size.max(1)).map(|first| {
@@ -223,10 +231,10 @@ impl Rows<'_> {
             let end = self.slots.get(first + size).and_then(Slot::get).unwrap_or(inverse_mass.len());
             let start = std::mem::replace(&mut passed, end);
             let rows = first..count.min(first + size);
-            (rows, start, cut_off(&mut positions, end - start), cut_off(&mut velocities, end - start))
+            (rows, start, split_off(&mut positions, end - start), split_off(&mut velocities, end - start))
         });
         let found = Mutex::new(&mut *exceptions);
-        blocks::for_each(parts, count >= WORTH_SHARING, |(rows, start, mut positions, mut velocities)| {
+        parallel::for_each(parts, count >= MIN_SHARED, |(rows, start, mut positions, mut velocities)| {
             for row in rows {
                 let Some(slot) = self.slots[row].get() else { continue };
                 let (particle, position, velocity) =
@@ -234,9 +242,14 @@ impl Rows<'_> {
                 // Zero times a finite number is zero; the sum is finite unless one of the six is not, or
                 // nearly so.
                 let checksum = (position + velocity).element_sum() * 0.0;
-                let known = 1.0 / particle.mass == inverse_mass[slot] && particle.radius == radius[slot];
+                let is_known = 1.0 / particle.mass == inverse_mass[slot] && particle.radius == radius[slot];
                 let place = slot.wrapping_sub(start);
-                if known && checksum == 0.0 && place < positions[0].len() {
+                let is_ours = is_known && checksum == 0.0 && place < positions[0].len();
+                let is_near = || {
+                    let last = Vec3::from(positions.each_ref().map(|axis| axis[place]));
+                    position.distance_squared(last) <= radius[slot] * radius[slot]
+                };
+                if is_ours && is_near() {
                     set(&mut positions, place, position);
                     set(&mut velocities, place, velocity);
                 } else {
@@ -252,13 +265,4 @@ impl Rows<'_> {
         let mut firsts = self.slots.iter().step_by(ROWS).map(Slot::get);
         firsts.all(|slot| slot.is_some()) && self.slots.iter().step_by(ROWS).is_sorted_by_key(Slot::get)
     }
-}
-
-/// Sends a pinned particle from where it was to `target`.
-fn pin(state: &mut SolverState, slot: usize, target: Vec3, fresh: bool, finite: bool) {
-    let last = state.particles.position.get(slot);
-    let target = if finite { target } else { last };
-    let start = if fresh { target } else { last };
-    state.particles.position.set(slot, start);
-    state.pinned.push(PinnedMotion { slot, start, target });
 }

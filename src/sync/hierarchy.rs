@@ -1,14 +1,16 @@
 //! World transforms of parents, up to date within the tick (`GlobalTransform` is a frame old here).
 
+use bevy::ecs::entity_disabling::Disabled;
+use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
 
-/// Who is whose child, and where everything is.
+/// Parents, and the present transforms of all entities.
 #[derive(SystemParam)]
 pub(super) struct Hierarchy<'w, 's> {
-    parents: Query<'w, 's, &'static ChildOf>,
-    transforms: Query<'w, 's, &'static Transform>,
+    parents: Query<'w, 's, &'static ChildOf, Allow<Disabled>>,
+    transforms: Query<'w, 's, &'static Transform, Allow<Disabled>>,
 }
 
 impl Hierarchy<'_, '_> {
@@ -22,7 +24,7 @@ impl Hierarchy<'_, '_> {
 /// and how many ancestors it has. Entities without a `Transform` count as the identity.
 pub(super) fn world_transform<'a>(
     entity: Entity,
-    parents: &Query<&ChildOf>,
+    parents: &Query<&ChildOf, Allow<Disabled>>,
     transform_of: impl Fn(Entity) -> Option<&'a Transform>,
 ) -> (Affine3A, usize) {
     let mut affine = Affine3A::IDENTITY;

@@ -1,72 +1,78 @@
 //! The only code that knows both sides: the ECS and the solver's arrays.
 //!
 //! ```text
-//! observers ──► rosters (who exists, in order of spawning)
-//! Gather        gather::gather      numbering: somebody came or left? slots for them
-//!                                   components ──► arrays
-//! Step          run::run_step       arrays ──► arrays
-//! Scatter       scatter::scatter    arrays ──► components, messages, reports
+//! observers ──► state      registries: which entities exist, in the order of spawning
+//! Gather        gather     slots for what was added; components ──► arrays
+//! Step          run        arrays ──► arrays
+//! Scatter       scatter    arrays ──► components, messages, reports
 //! ```
 //!
 //! Each particle and each spring carries its slot in a component of its own, so that a tick copies
-//! whole tables without looking anything up.
+//! whole tables without looking anything up. [`MassSpringState`] is all that one tick hands on to the next beside
+//! the components; everything else here can be dropped.
 
 mod easing;
 mod gather;
 mod hierarchy;
-mod index;
-mod numbering;
 mod planes;
-mod restore;
-mod roster;
+mod registry;
 mod run;
 mod scatter;
+mod slots;
+mod snapshot;
+mod state;
 
+use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
-use crate::MassSpringSystems;
-use crate::particle::{Particle, Quarantined};
-use crate::solver::SolverState;
-use crate::solver::stability::{Components, FrequencyBounds};
+use crate::particle::{Particle, Quarantined, SimulationOrder};
+use crate::schedule::MassSpringSystems;
+use crate::solver::{Caches, Inputs, Outputs, Version};
 use crate::spring::Spring;
 
-pub(crate) use restore::{restore_initial_state, take_initial_state};
-use roster::Slot;
+use registry::Slot;
+pub use snapshot::{Snapshot, SnapshotError};
+pub(crate) use snapshot::{restore_initial_state, take_initial_state};
+pub use state::MassSpringState;
 
-/// The solver's state, and bounds on its frequencies.
+/// What the stages of a tick share beside the state.
 #[derive(Resource, Default)]
 pub(crate) struct Simulation {
-    state: SolverState,
-    bounds: FrequencyBounds,
-    /// The parts of the net, once somebody has asked for them since `bounds` were computed.
-    components: Option<Components>,
-    /// A spring, or a mass, has changed since `bounds` were computed.
-    bounds_are_stale: bool,
-    /// Particles have come or gone since then, whose springs, if any, did not: that matters to the bounds
-    /// only in a viscous medium.
-    lone_particles_changed: bool,
+    inputs: Inputs,
+    caches: Caches,
+    outputs: Outputs,
+    /// Slots that have no past: a pinned particle there did not move to where it is.
+    fresh: Vec<bool>,
+    /// The version of the state that the slots of the entities belong to.
+    version: Version,
 }
 
-/// Adds the three stages to `schedule`, and the observers that keep the rosters.
+/// Adds the three stages to `schedule`, and the observers that keep the registries.
 pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.init_resource::<Simulation>()
-        .init_resource::<index::Index>()
+        .init_resource::<MassSpringState>()
+        .init_resource::<state::Warnings>()
+        .init_resource::<snapshot::InitialState>()
         .init_resource::<gather::Gathered>()
         .init_resource::<planes::GatheredPlanes>();
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
     let _ = app.try_register_required_components::<Spring, Slot<Spring>>();
-    index::enroll_existing(app.world_mut());
-    app.add_observer(index::enroll::<Particle>)
-        .add_observer(index::leave::<Particle>)
-        .add_observer(index::enroll::<Spring>)
-        .add_observer(index::leave::<Spring>)
-        .add_observer(index::mark_changed::<Add, Quarantined>)
-        .add_observer(index::mark_changed::<Remove, Quarantined>)
-        .add_observer(planes::enroll_plane)
-        .add_observer(planes::leave_plane)
+    state::register_existing(app.world_mut());
+    app.add_observer(state::register::<Particle>)
+        .add_observer(state::unregister::<Particle>)
+        .add_observer(state::note_despawned)
+        .add_observer(state::register::<Spring>)
+        .add_observer(state::unregister::<Spring>)
+        .add_observer(state::mark_outdated::<Add, Quarantined>)
+        .add_observer(state::mark_outdated::<Remove, Quarantined>)
+        .add_observer(state::mark_outdated::<Add, Disabled>)
+        .add_observer(state::mark_outdated::<Remove, Disabled>)
+        .add_observer(state::mark_outdated::<Insert, SimulationOrder>)
+        .add_observer(planes::register_plane)
+        .add_observer(planes::unregister_plane)
         .add_systems(
             schedule,
             (

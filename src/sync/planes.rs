@@ -1,38 +1,46 @@
-//! Planes into the solver's arrays.
+//! Planes into the solver's inputs.
 
 use bevy::math::Affine3A;
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
-use crate::solver::contacts::{Plane, Pose};
+use crate::solver::{Plane, Pose};
 
 use super::Simulation;
 use super::hierarchy::Hierarchy;
-use super::index::Index;
+use super::slots::Bookkeeping;
+use super::state::{MassSpringState, RegisteredPlane};
 
-/// Enrolls a plane.
-pub(super) fn enroll_plane(added: On<Add, PlaneCollider>, mut index: ResMut<Index>) {
-    index.planes.push((added.entity, None));
+/// Registers a plane.
+pub(super) fn register_plane(added: On<Add, PlaneCollider>, mut state: ResMut<MassSpringState>) {
+    state.planes.push(RegisteredPlane::new(added.entity));
 }
 
-/// Strikes a plane off.
-pub(super) fn leave_plane(removed: On<Remove, PlaneCollider>, mut index: ResMut<Index>) {
-    index.planes.retain(|(entity, _)| *entity != removed.entity);
+/// Removes a plane from the registry.
+pub(super) fn unregister_plane(removed: On<Remove, PlaneCollider>, mut state: ResMut<MassSpringState>) {
+    state.planes.retain(|plane| plane.entity != removed.entity);
 }
 
-/// Copies all planes, moving from where they were in the last tick to where they are.
+/// Copies all planes, moving from where they were in the last tick to where they are. A plane that is disabled or
+/// left out has no past when it is back.
 pub(super) fn gather_planes(
-    index: &mut Index,
+    state: &mut MassSpringState,
     simulation: &mut Simulation,
     gathered_planes: &mut GatheredPlanes,
-    planes: &Query<&PlaneCollider>,
+    bookkeeping: &mut Bookkeeping,
+    planes: &Query<(&PlaneCollider, &Transform)>,
     hierarchy: &Hierarchy,
 ) {
-    simulation.state.contacts.planes.clear();
+    simulation.inputs.planes.clear();
     gathered_planes.0.clear();
-    let mut tracked = std::mem::take(&mut index.planes);
-    for (entity, last_pose) in &mut tracked {
-        let Ok(plane) = planes.get(*entity) else { continue };
+    for RegisteredPlane { entity, last_pose, is_recorded } in &mut state.planes {
+        let Ok((plane, transform)) = planes.get(*entity) else {
+            *last_pose = None;
+            continue;
+        };
+        if !std::mem::replace(is_recorded, true) {
+            bookkeeping.initial.record_plane(*entity, *plane, transform);
+        }
         let (frame, _) = hierarchy.world_transform(*entity);
         let pose = pose_of(&frame);
         let problem = match pose {
@@ -40,18 +48,18 @@ pub(super) fn gather_planes(
             Some(_) => plane.validate().err().map(|problem| problem.to_string()),
         };
         if let Some(problem) = problem {
-            index.warn_once(*entity, format_args!("plane {entity} is left out of the simulation: {problem}"));
+            let message = format_args!("plane {entity} is left out of the simulation: {problem}");
+            bookkeeping.warnings.warn_once(*entity, message);
             *last_pose = None;
             continue;
         }
-        index.forgive(*entity);
+        bookkeeping.warnings.clear(*entity);
         let Some(target) = pose else { continue };
         let start = last_pose.replace(target).unwrap_or(target);
         let PlaneCollider { restitution, friction } = *plane;
-        simulation.state.contacts.planes.push(Plane { start, target, restitution, friction });
+        simulation.inputs.planes.push(Plane { start, target, restitution, friction });
         gathered_planes.0.push(*entity);
     }
-    index.planes = tracked;
 }
 
 /// The entity of each of the solver's planes.

@@ -3,22 +3,24 @@
 use std::sync::{Mutex, PoisonError};
 
 use bevy::ecs::change_detection::ContiguousMut;
+use bevy::ecs::entity_disabling::Disabled;
+use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
 use crate::collider::Contact;
 use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
-use crate::report::{ParticleFault, TickReport};
-use crate::solver::contacts::{ContactPartner, ContactRecord};
-use crate::solver::{Particles, blocks};
+use crate::report::{ParticleFault, SpringForces, TickReport};
+use crate::solver::particles::Particles;
+use crate::solver::{ContactPartner, ContactRecord, Outputs, parallel};
 
 use super::Simulation;
-use super::gather::{Gathered, ROWS, WORTH_SHARING};
+use super::gather::{Gathered, MIN_SHARED, ROWS};
 use super::hierarchy::{to_local, world_transform};
-use super::index::Index;
 use super::planes::GatheredPlanes;
-use super::roster::Slot;
+use super::registry::Slot;
+use super::state::MassSpringState;
 
 /// All that a tick writes of a particle.
 type ParticleData =
@@ -31,39 +33,41 @@ type ParticleQueries<'w, 's> = ParamSet<
     (
         Query<'static, 'static, ParticleData, Without<ChildOf>>,
         Query<'static, 'static, (&'static mut ParticleVelocity, Has<Pinned>)>,
-        Query<'static, 'static, &'static mut Transform>,
+        Query<'static, 'static, &'static mut Transform, Allow<Disabled>>,
     ),
 >;
 
 /// The whole stage, one system.
 pub(super) fn scatter(
     simulation: Res<Simulation>,
-    index: Res<Index>,
+    state: Res<MassSpringState>,
     mut gathered: ResMut<Gathered>,
     planes: Res<GatheredPlanes>,
     mut queries: ParticleQueries,
-    parents: Query<&ChildOf>,
+    parents: Query<&ChildOf, Allow<Disabled>>,
     mut report: ResMut<TickReport>,
     mut publications: Publications,
 ) {
     let start = Instant::now();
-    scatter_particles(&simulation, &mut gathered, &mut queries, &parents);
-    publications.report_faults(&index, &mut gathered.faults, &mut report);
+    scatter_particles(&state.solver.particles, &mut gathered, &mut queries, &parents);
+    publications.report_faults(&state, &mut gathered.faults, &mut report);
     if let Some(messages) = &mut publications.contacts {
-        messages.write_batch(merged_contacts(&simulation, &index, &planes.0));
+        messages.write_batch(merged_contacts(&simulation.outputs, &state, &planes.0));
+    }
+    if let Some(forces) = &mut publications.forces {
+        publish_forces(&simulation.outputs, &state, forces);
     }
     report.scatter_time = start.elapsed();
 }
 
 /// Copies positions and velocities back, and notes which are not finite.
 fn scatter_particles(
-    simulation: &Simulation,
+    particles: &Particles,
     gathered: &mut Gathered,
     queries: &mut ParticleQueries,
-    parents: &Query<&ChildOf>,
+    parents: &Query<&ChildOf, Allow<Disabled>>,
 ) {
     let Gathered { parented, faults, .. } = gathered;
-    let particles = &simulation.state.particles;
     let mut free_standing = queries.p0();
     for table in free_standing.contiguous_iter_mut().expect("these components are all stored in tables") {
         let (slots, transforms, velocities, pinned) = table;
@@ -75,9 +79,9 @@ fn scatter_particles(
         let parts =
             slots.chunks(ROWS).zip(transforms.chunks_mut(ROWS)).zip(velocities.chunks_mut(ROWS)).zip(changed);
         let found = Mutex::new(&mut *faults);
-        blocks::for_each(
+        parallel::for_each(
             parts,
-            slots.len() >= WORTH_SHARING,
+            slots.len() >= MIN_SHARED,
             |(((slots, transforms), velocities), (moved, accelerated))| {
                 for row in 0..slots.len() {
                     let Some(slot) = slots[row].get() else { continue };
@@ -123,8 +127,8 @@ fn finite_velocity(particles: &Particles, slot: usize) -> Option<Vec3> {
 fn move_child(
     entity: Entity,
     position: Vec3,
-    parents: &Query<&ChildOf>,
-    transforms: &mut Query<&mut Transform>,
+    parents: &Query<&ChildOf, Allow<Disabled>>,
+    transforms: &mut Query<&mut Transform, Allow<Disabled>>,
 ) {
     let Ok(&ChildOf(parent)) = parents.get(entity) else { return };
     let (frame, _) = world_transform(parent, parents, |entity| transforms.get(entity).ok());
@@ -137,20 +141,21 @@ fn move_child(
     }
 }
 
-/// What the tick has to tell.
+/// What the tick publishes.
 #[derive(SystemParam)]
 pub(super) struct Publications<'w, 's> {
     commands: Commands<'w, 's>,
     faults: MessageWriter<'w, ParticleFault>,
     contacts: Option<ResMut<'w, Messages<Contact>>>,
+    forces: Option<ResMut<'w, SpringForces>>,
 }
 
 impl Publications<'_, '_> {
-    fn report_faults(&mut self, index: &Index, faults: &mut Vec<usize>, report: &mut TickReport) {
+    fn report_faults(&mut self, state: &MassSpringState, faults: &mut Vec<usize>, report: &mut TickReport) {
         faults.sort_unstable();
         faults.dedup();
         for slot in faults.drain(..) {
-            let particle = index.particles.slots[slot];
+            let particle = state.particles.slots[slot];
             log::error!(
                 "particle {particle} became non-finite in tick {} and was taken out of the simulation",
                 report.tick
@@ -163,8 +168,8 @@ impl Publications<'_, '_> {
 }
 
 /// One contact for each touching pair: the last record of the tick with the impulses of all substeps.
-fn merged_contacts(simulation: &Simulation, index: &Index, planes: &[Entity]) -> Vec<Contact> {
-    let mut records: Vec<&ContactRecord> = simulation.state.contacts.records.iter().collect();
+fn merged_contacts(outputs: &Outputs, state: &MassSpringState, planes: &[Entity]) -> Vec<Contact> {
+    let mut records: Vec<&ContactRecord> = outputs.contacts.iter().collect();
     records.sort_by_key(|record| (record.slot, record.other));
     let pairs = records.chunk_by(|one, next| (one.slot, one.other) == (next.slot, next.other));
     pairs
@@ -172,11 +177,21 @@ fn merged_contacts(simulation: &Simulation, index: &Index, planes: &[Entity]) ->
             let last = substeps.last()?;
             let other = match last.other {
                 ContactPartner::Plane(plane) => *planes.get(plane)?,
-                ContactPartner::Particle(slot) => *index.particles.slots.get(slot)?,
+                ContactPartner::Particle(slot) => *state.particles.slots.get(slot)?,
             };
             let impulse = substeps.iter().map(|record| record.impulse).sum();
-            let particle = *index.particles.slots.get(last.slot)?;
+            let particle = *state.particles.slots.get(last.slot)?;
             Some(Contact { particle, other, point: last.point, normal: last.normal, impulse })
         })
         .collect()
+}
+
+/// Tensions and reactions, by entity.
+fn publish_forces(outputs: &Outputs, state: &MassSpringState, forces: &mut SpringForces) {
+    let springs = state.springs.slots.iter().copied().zip(outputs.tensions.iter().copied());
+    forces.tensions.clear();
+    forces.tensions.extend(springs.filter(|(spring, _)| *spring != Entity::PLACEHOLDER));
+    let reactions = outputs.reactions.iter().map(|(slot, force)| (state.particles.slots[*slot], *force));
+    forces.reactions.clear();
+    forces.reactions.extend(reactions.filter(|(particle, _)| *particle != Entity::PLACEHOLDER));
 }

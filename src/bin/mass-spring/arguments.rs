@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
 use bevy_mass_spring::settings::UnknownIntegrator;
-use bevy_mass_spring::{Integrator, Substeps};
+use bevy_mass_spring::{Integrator, SubstepMode};
 use clap::{Args, Parser};
 
 use crate::Failure;
@@ -63,7 +63,7 @@ pub struct RunArguments {
     integrator: Option<Integrator>,
     /// Substeps of a tick instead of the scene's
     #[arg(long, value_name = "N|auto", value_parser = parse_substeps)]
-    substeps: Option<Substeps>,
+    substeps: Option<SubstepMode>,
     /// Time step of a tick in s instead of the scene's
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_time_step)]
     time_step: Option<f64>,
@@ -126,12 +126,12 @@ fn parse_integrator(text: &str) -> Result<Integrator, String> {
     text.parse().map_err(|unknown: UnknownIntegrator| unknown.to_string())
 }
 
-fn parse_substeps(text: &str) -> Result<Substeps, String> {
+fn parse_substeps(text: &str) -> Result<SubstepMode, String> {
     if text.eq_ignore_ascii_case("auto") {
-        return Ok(Substeps::Auto);
+        return Ok(SubstepMode::Auto);
     }
     match text.parse() {
-        Ok(count) if count >= 1 => Ok(Substeps::Fixed(count)),
+        Ok(count) if count >= 1 => Ok(SubstepMode::Fixed(count)),
         _ => Err("expected a whole number >= 1, or auto".to_owned()),
     }
 }

@@ -5,13 +5,13 @@ use std::fmt::{self, Write};
 use std::process::ExitCode;
 
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
-use bevy_mass_spring::solver::stability::Choice;
-use bevy_mass_spring::{Integrator, Substeps};
+use bevy_mass_spring::solver::Plan;
+use bevy_mass_spring::{Integrator, SubstepMode};
 
 use crate::Failure;
 use crate::arguments::{CheckArguments, read_scene};
 use crate::output;
-use crate::plan::{bounds, plan, warnings};
+use crate::plan::{initial_solver, plan, warnings};
 
 pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let scene = read_scene(&arguments.scene)?;
@@ -22,7 +22,8 @@ pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
 }
 
 fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
-    let bounds = bounds(scene);
+    let mut solver = initial_solver(scene);
+    let bounds = solver.frequency_bounds(scene.environment.effective_viscosity());
     let pinned = scene.particles.iter().filter(|particle| particle.pinned).count();
     writeln!(text, "particles               {} ({pinned} pinned)", scene.particles.len())?;
     writeln!(text, "springs                 {}", scene.springs.len())?;
@@ -33,20 +34,20 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
     writeln!(text, "highest frequency       at most {frequency} rad/s ({in_hertz} Hz)")?;
     writeln!(text, "highest damping rate    at most {} 1/s", significant(bounds.damping_rate))?;
     writeln!(text, "largest stable substep")?;
-    for scheme in Integrator::ALL.into_iter().filter_map(Integrator::scheme) {
-        let step = f64::from(bounds.largest_stable_step(scheme));
+    for integrator in Integrator::named() {
+        let step = f64::from(bounds.largest_stable_step(integrator));
         let printed = match step {
             0.0 => "none".to_owned(),
             f64::INFINITY => "any".to_owned(),
             step => format!("{} s", significant(step)),
         };
-        writeln!(text, "  {:<22}{printed}", Integrator::from(scheme).to_string())?;
+        writeln!(text, "  {:<22}{printed}", integrator.to_string())?;
     }
-    let solver = SceneSolver { integrator: Integrator::Auto, substeps: Substeps::Auto, ..scene.solver };
-    let automatic = MassSpringScene { solver, ..scene.clone() };
-    writeln!(text, "Auto would choose       {}", in_words(plan(&automatic, &bounds)))?;
-    writeln!(text, "this scene would run    {}", in_words(plan(scene, &bounds)))?;
-    for warning in warnings(scene, &bounds) {
+    let automatic = SceneSolver { integrator: Integrator::Auto, substeps: SubstepMode::Auto, ..scene.solver };
+    let automatic = MassSpringScene { solver: automatic, ..scene.clone() };
+    writeln!(text, "Auto would choose       {}", in_words(plan(&automatic, &mut solver)))?;
+    writeln!(text, "this scene would run    {}", in_words(plan(scene, &mut solver)))?;
+    for warning in warnings(scene, &mut solver) {
         writeln!(text, "warning: {warning}")?;
     }
     Ok(())
@@ -62,13 +63,13 @@ fn significant(number: f64) -> String {
 }
 
 /// Schemes and substeps: `VelocityVerlet, 8 substeps a tick; ImplicitEuler, 2 substeps a tick on 120 springs`.
-fn in_words(choice: Choice) -> String {
-    let Choice { scheme, substeps, stiff_substeps, stiff_springs } = choice;
+fn in_words(plan: Plan) -> String {
+    let Plan { integrator, substeps, stiff_substeps, stiff_springs, .. } = plan;
     let words = |integrator: Integrator, substeps: u32| {
         let plural = if substeps == 1 { "" } else { "s" };
         format!("{integrator}, {substeps} substep{plural} a tick")
     };
-    let mut text = words(scheme.into(), substeps);
+    let mut text = words(integrator, substeps);
     if stiff_substeps > 0 {
         let implicit = words(Integrator::ImplicitEuler, stiff_substeps);
         let plural = if stiff_springs == 1 { "" } else { "s" };

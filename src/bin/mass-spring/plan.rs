@@ -1,38 +1,42 @@
 //! How a scene would be simulated, known before any tick has run.
 
+use bevy::math::Vec3;
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
-use bevy_mass_spring::solver::stability::{Choice, Components, FrequencyBounds, MAX_SUBSTEPS};
-use bevy_mass_spring::{Integrator, SolverSettings, Substeps};
+use bevy_mass_spring::solver::{MAX_SUBSTEPS, Plan, Solver, Spring, StepSettings};
+use bevy_mass_spring::SubstepMode;
 
-/// Bounds on the frequencies of the scene.
-pub fn bounds(scene: &MassSpringScene) -> FrequencyBounds {
-    FrequencyBounds::of(&inverse_mass(scene), springs(scene), scene.environment.viscosity)
+/// The particles and springs of a scene in the solver alone, each particle with the position and velocity of `state`.
+pub fn solver(scene: &MassSpringScene, state: impl Fn(usize) -> [Vec3; 2]) -> Solver {
+    let mut solver = Solver::default();
+    for (index, particle) in scene.particles.iter().enumerate() {
+        let [position, velocity] = state(index);
+        let mass = if particle.pinned { f32::INFINITY } else { particle.mass };
+        solver.add_particle(position, velocity, mass, particle.radius).expect("the scene is valid");
+    }
+    for spring in &scene.springs {
+        let rest_length = scene.rest_length(spring).unwrap_or_default();
+        let parameters = Spring { rest_length, stiffness: spring.stiffness, damping: spring.damping };
+        solver.add_spring(spring.particles.into(), parameters).expect("the scene is valid");
+    }
+    solver
+}
+
+/// The same with the positions and velocities of the scene.
+pub fn initial_solver(scene: &MassSpringScene) -> Solver {
+    solver(scene, |index| [scene.particles[index].position, scene.particles[index].velocity])
 }
 
 /// What the settings of the scene amount to.
-pub fn plan(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Choice {
+pub fn plan(scene: &MassSpringScene, solver: &mut Solver) -> Plan {
     let SceneSolver { integrator, substeps, time_step } = scene.solver;
-    let mut components = Components::default();
-    SolverSettings { integrator, substeps }.choose_by_component(bounds, time_step as f32, || {
-        components = Components::of(&inverse_mass(scene), springs(scene), scene.environment.viscosity);
-        &mut components
-    })
-}
-
-fn inverse_mass(scene: &MassSpringScene) -> Vec<f32> {
-    let particles = scene.particles.iter();
-    particles.map(|particle| if particle.pinned { 0.0 } else { 1.0 / particle.mass }).collect()
-}
-
-fn springs(scene: &MassSpringScene) -> impl Iterator<Item = (usize, usize, f32, f32)> + Clone {
-    scene.springs.iter().map(|spring| {
-        let (first, second) = spring.particles;
-        (first, second, spring.stiffness, spring.damping)
-    })
+    let viscosity = scene.environment.effective_viscosity();
+    let settings =
+        StepSettings { integrator, substeps, time_step: time_step as f32, viscosity, ..StepSettings::default() };
+    solver.plan(&settings)
 }
 
 /// What a user should know before relying on the results.
-pub fn warnings(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Vec<String> {
+pub fn warnings(scene: &MassSpringScene, solver: &mut Solver) -> Vec<String> {
     let mut warnings = Vec::new();
     let time_step = scene.solver.time_step;
     let tick = scene.solver.tick().map_or(time_step, |tick| tick.as_secs_f64());
@@ -41,9 +45,8 @@ pub fn warnings(scene: &MassSpringScene, bounds: &FrequencyBounds) -> Vec<String
             "Bevy's clock counts whole nanoseconds: a tick is {tick:e} s instead of {time_step:e} s"
         ));
     }
-    let Choice { scheme, substeps, .. } = plan(scene, bounds);
-    if scene.solver.substeps == Substeps::Auto && substeps == MAX_SUBSTEPS {
-        let integrator = Integrator::from(scheme);
+    let Plan { integrator, substeps, .. } = plan(scene, solver);
+    if scene.solver.substeps == SubstepMode::Auto && substeps == MAX_SUBSTEPS {
         warnings.push(format!(
             "the springs are too stiff for their masses: {MAX_SUBSTEPS} substeps of {integrator} may not suffice"
         ));
@@ -62,7 +65,7 @@ mod tests {
               springs: [(particles: (0, 1), stiffness: {stiffness:e})])"
         );
         let scene = MassSpringScene::from_ron(&text).unwrap();
-        warnings(&scene, &bounds(&scene))
+        warnings(&scene, &mut initial_solver(&scene))
     }
 
     #[test]

@@ -10,8 +10,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::RunArguments;
 use crate::output::{Sink, Sinks, Summary};
-use crate::plan::{bounds, plan, warnings};
-use crate::simulation::{Simulation, measure, state_hash};
+use crate::plan::{initial_solver, plan, solver, warnings};
+use crate::simulation::{Simulation, state_hash};
 use crate::{Failure, say};
 
 pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
@@ -19,7 +19,7 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
     let ticks = arguments.tick_count(scene.solver.time_step)?;
     // The last thing that can be refused: from here on, there is something to write.
     let Sinks { csv, json } = Sinks::open(arguments)?;
-    for warning in warnings(&scene, &bounds(&scene)) {
+    for warning in warnings(&scene, &mut initial_solver(&scene)) {
         say(&format!("warning: {warning}"));
     }
     let mut simulation = Simulation::new(&scene, arguments.threads.map(usize::from));
@@ -102,11 +102,12 @@ struct Costs {
 
 fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs: Costs) -> Summary {
     let states = simulation.states();
-    let totals = measure(scene, &states);
+    let state = |index: usize| [states[index].position, states[index].velocity];
+    let totals = solver(scene, state).measure(scene.environment.effective_gravity());
     let report = simulation.report();
     let (integrator, substeps) = if report.tick == 0 {
-        let choice = plan(scene, &bounds(scene));
-        (choice.scheme.into(), choice.substeps)
+        let plan = plan(scene, &mut initial_solver(scene));
+        (plan.integrator, plan.substeps)
     } else {
         (report.integrator, report.substeps)
     };

@@ -9,8 +9,6 @@ use bevy::tasks::{ComputeTaskPool, available_parallelism};
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::scene::SpawnedScene;
-use bevy_mass_spring::solver::SolverState;
-use bevy_mass_spring::solver::energy::{Totals, totals};
 
 /// Where a particle is, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,21 +117,6 @@ impl Simulation {
 /// No share of the cores, but only the two limits, decides on the number of threads.
 fn whole_pool() -> TaskPoolThreadAssignmentPolicy {
     TaskPoolOptions::default().compute
-}
-
-/// Energy, momentum and stretch of `scene` in `states`.
-pub fn measure(scene: &MassSpringScene, states: &[ParticleState]) -> Totals {
-    let mut solver = SolverState::default();
-    for (particle, state) in scene.particles.iter().zip(states) {
-        let mass = if particle.pinned { f32::INFINITY } else { particle.mass };
-        solver.particles.push(state.position, state.velocity, mass, particle.radius);
-    }
-    for spring in &scene.springs {
-        let (first, second) = spring.particles;
-        let rest_length = scene.rest_length(spring).unwrap_or_default();
-        solver.springs.push(first, second, rest_length, spring.stiffness, spring.damping);
-    }
-    totals(&solver, scene.environment.gravity)
 }
 
 /// The 64-bit FNV-1a hash of the bits of all positions and velocities, as 16 hexadecimal digits.

@@ -9,6 +9,7 @@ use super::response::{Approach, Rebound, friction, tangential};
 
 /// A position and an orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pose {
     /// A point of the surface, m.
     pub point: Vec3,

@@ -23,7 +23,7 @@ pub(super) use coupling::{Coupling, for_each_coupling};
 pub(super) use elimination::{Elimination, NodeRun};
 pub(super) use exclusions::Exclusions;
 pub(super) use hierarchy::Hierarchy;
-pub(super) use islands::{Island, IslandSet, Islands, has_loops};
+pub(super) use islands::{IslandSet, Islands, has_loops};
 pub(super) use neighbours::Neighbours;
 pub(super) use order::better_order;
 

@@ -1,0 +1,455 @@
+//! Slots for what was added, and empty slots for what was removed; all anew only when too many are empty.
+
+use bevy::ecs::entity::EntityHashSet;
+use bevy::ecs::entity_disabling::Disabled;
+use bevy::ecs::query::Allow;
+use bevy::ecs::system::SystemParam;
+use bevy::prelude::*;
+
+use crate::parameter::{self, InvalidParameter};
+use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
+use crate::settings::OrphanedSprings;
+use crate::solver;
+use crate::spring::Spring;
+
+use super::Simulation;
+use super::registry::{Entry, Slot};
+use super::snapshot::{InitialState, ParticleRecord};
+use super::state::{MassSpringState, Warnings};
+
+/// All slots are assigned anew when more than one in this number is empty, or if as many were added or removed in
+/// one tick.
+const MAX_FRAGMENTATION: usize = 4;
+
+/// All that the assignment reads of a particle.
+type ParticleData = (
+    &'static Particle,
+    &'static Transform,
+    &'static ParticleVelocity,
+    Option<&'static AppliedForce>,
+    (Has<Pinned>, Has<Quarantined>, Has<Disabled>),
+    &'static mut Slot<Particle>,
+);
+
+type SpringData = (&'static Spring, Has<Disabled>, &'static mut Slot<Spring>);
+
+/// Springs and whether they were edited.
+type EditedSprings = (Entity, Ref<'static, Spring>, &'static Slot<Spring>);
+
+/// Springs that may have been edited, and the slots of their ends.
+#[derive(SystemParam)]
+pub(super) struct SpringQueries<'w, 's> {
+    springs: Query<'w, 's, EditedSprings>,
+    particles: Query<'w, 's, &'static Slot<Particle>>,
+}
+
+/// All entities that may have a slot.
+#[derive(SystemParam)]
+pub(super) struct Candidates<'w, 's> {
+    particles: Query<'w, 's, ParticleData, Allow<Disabled>>,
+    springs: Query<'w, 's, SpringData, Allow<Disabled>>,
+    orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
+    all: Query<'w, 's, Entity, (Or<(With<Slot<Particle>>, With<Slot<Spring>>)>, Allow<Disabled>)>,
+}
+
+/// What the assignment writes beside the state.
+#[derive(SystemParam)]
+pub(super) struct Bookkeeping<'w, 's> {
+    pub warnings: ResMut<'w, Warnings>,
+    pub initial: ResMut<'w, InitialState>,
+    orphaned_springs: Res<'w, OrphanedSprings>,
+    commands: Commands<'w, 's>,
+}
+
+/// What became of the springs that were edited.
+#[derive(Default)]
+pub(super) struct Edits {
+    /// Springs in the simulation that are now bad, or have other ends.
+    relinked: Vec<Entity>,
+    /// Whether springs may have been corrected.
+    retry: bool,
+}
+
+/// Copies the parameters of the springs that were edited.
+pub(super) fn copy_edited_springs(
+    state: &mut MassSpringState,
+    simulation: &Simulation,
+    warnings: &mut Warnings,
+    queries: &SpringQueries,
+) -> Edits {
+    let mut edits = Edits::default();
+    if state.version != simulation.version {
+        // The slots are not those of this state yet: `Assignment::adopt` copies all springs.
+        return edits;
+    }
+    for table in queries.springs.contiguous_iter().expect("these components are all stored in tables") {
+        let (entities, springs, slots) = table;
+        let (last_run, this_run) = (springs.last_run_tick(), springs.this_run_tick());
+        for (row, tick) in springs.changed_ticks_slice().iter().enumerate() {
+            if !tick.is_newer_than(last_run, this_run) {
+                continue;
+            }
+            let slot_of = |particle| queries.particles.get(particle).ok().and_then(Slot::get);
+            let copied =
+                slots[row].get().map(|slot| copy_spring(&springs[row], slot, slot_of, &mut state.solver));
+            match copied {
+                Some(true) => warnings.clear(entities[row]),
+                Some(false) => edits.relinked.push(entities[row]),
+                None => {}
+            }
+            edits.retry |= copied != Some(true);
+        }
+    }
+    edits
+}
+
+/// Copies the parameters of a spring that joins the same particles as before; returns whether it does.
+fn copy_spring(
+    spring: &Spring,
+    slot: usize,
+    slot_of: impl Fn(Entity) -> Option<usize>,
+    solver: &mut solver::State,
+) -> bool {
+    let [Some(first), Some(second)] = spring.particles.map(slot_of) else { return false };
+    if !solver.spring_joins(slot, [first, second]) || spring.validate().is_err() {
+        return false;
+    }
+    solver.set_spring(slot, parameters(spring));
+    true
+}
+
+fn parameters(spring: &Spring) -> solver::Spring {
+    let Spring { rest_length, stiffness, damping, .. } = *spring;
+    solver::Spring { rest_length, stiffness, damping }
+}
+
+pub(super) fn check_particle(
+    particle: &Particle,
+    transform: &Transform,
+    velocity: &ParticleVelocity,
+) -> Result<(), InvalidParameter> {
+    particle.validate()?;
+    parameter::finite("translation", transform.translation)?;
+    parameter::finite("velocity", velocity.0)
+}
+
+/// Gives slots to what was added, and takes them from what was removed.
+pub(super) fn refresh_slots(
+    state: &mut MassSpringState,
+    simulation: &mut Simulation,
+    edits: &Edits,
+    candidates: Candidates,
+    bookkeeping: &mut Bookkeeping,
+) {
+    let was_replaced = state.version != simulation.version;
+    let mut assignment = Assignment { state, simulation, candidates, bookkeeping };
+    if was_replaced {
+        assignment.adopt();
+    }
+    let Assignment { state, candidates: Candidates { particles, .. }, .. } = &mut assignment;
+    let is_corrected = |entity: &Entity| {
+        particles.get(*entity).is_ok_and(|(particle, transform, velocity, ..)| {
+            check_particle(particle, transform, velocity).is_ok()
+        })
+    };
+    state.is_outdated |= state.excluded.iter().any(is_corrected);
+    state.is_outdated |= state.particles.is_fragmented(MAX_FRAGMENTATION);
+    state.is_outdated |= state.springs.is_fragmented(MAX_FRAGMENTATION);
+    if state.is_outdated {
+        assignment.assign_all();
+    } else if state.particles.pending() + state.springs.pending() > 0 || edits.retry {
+        assignment.update(edits);
+    }
+    if !assignment.state.despawned.is_empty() {
+        assignment.state.despawned.clear();
+    }
+}
+
+/// The slots and the entities that get them.
+struct Assignment<'a, 'w, 's, 'b, 't> {
+    state: &'a mut MassSpringState,
+    simulation: &'a mut Simulation,
+    candidates: Candidates<'w, 's>,
+    bookkeeping: &'a mut Bookkeeping<'b, 't>,
+}
+
+impl Assignment<'_, '_, '_, '_, '_> {
+    /// Takes over a state that was put back: the slots of all entities are those that it says.
+    fn adopt(&mut self) {
+        let Candidates { particles, springs, all, .. } = &mut self.candidates;
+        particles.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
+        springs.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
+        let mut known = EntityHashSet::default();
+        let mut removed = Vec::new();
+        for (entry, slot) in self.state.particles.assignments() {
+            known.insert(entry.entity);
+            match particles.get_mut(entry.entity) {
+                Ok((.., mut to)) => entry.assign(&mut *to, slot),
+                Err(_) => removed.extend(slot.map(|slot| slot as u32)),
+            }
+        }
+        self.state.particles.removed.append(&mut removed);
+        for (entry, slot) in self.state.springs.assignments() {
+            known.insert(entry.entity);
+            match springs.get_mut(entry.entity) {
+                Ok((.., mut to)) => entry.assign(&mut *to, slot),
+                Err(_) => removed.extend(slot.map(|slot| slot as u32)),
+            }
+        }
+        self.state.springs.removed.append(&mut removed);
+        let mut unknown: Vec<Entity> = all.iter().filter(|entity| !known.contains(entity)).collect();
+        unknown.sort_unstable();
+        for entity in unknown {
+            if let Ok((.., mut slot)) = particles.get_mut(entity) {
+                self.state.particles.add(entity, &mut *slot);
+            }
+            if let Ok((.., mut slot)) = springs.get_mut(entity) {
+                self.state.springs.add(entity, &mut *slot);
+            }
+        }
+        self.simulation.fresh.clear();
+        self.simulation.fresh.resize(self.state.particles.slots.len(), false);
+        self.copy_all_springs();
+    }
+
+    /// Copies the parameters of all springs in the simulation; those with other ends are pending from now on.
+    fn copy_all_springs(&mut self) {
+        let Candidates { particles, springs, .. } = &self.candidates;
+        let mut relinked = Vec::new();
+        for &entity in self.state.springs.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
+            let Ok((spring, _, slot)) = springs.get(entity) else { continue };
+            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
+            if slot.get().is_some_and(|slot| !copy_spring(spring, slot, slot_of, &mut self.state.solver)) {
+                relinked.push(entity);
+            }
+        }
+        relinked.into_iter().for_each(|spring| self.suspend(spring));
+    }
+
+    /// Assigns all slots in the order of the registries.
+    fn assign_all(&mut self) {
+        let state = &mut *self.state;
+        state.is_outdated = false;
+        state.excluded.clear();
+        state.pending.clear();
+        self.simulation.fresh.clear();
+        let old_entities = std::mem::take(&mut state.particles.slots);
+        let old_positions = state.solver.particles.position.clone();
+        state.particles.reset_slots();
+        state.springs.reset_slots();
+        state.solver.clear();
+        let order_of = |entry: &Entry| self.candidates.orders.get(entry.entity).map_or(u64::MAX, |order| order.0);
+        state.particles.entries.sort_by_cached_key(order_of);
+        state.springs.entries.sort_by_cached_key(order_of);
+
+        let mut new_slots = vec![None; old_entities.len()];
+        self.add_particles(|entity, old, new| {
+            let old = old.filter(|old| old_entities.get(*old) == Some(&entity))?;
+            new_slots[old] = Some(new as u32);
+            Some(old_positions.get(old))
+        });
+        self.add_new_springs();
+        self.state.solver.renumber_contacts(&new_slots);
+        if let Some(order) = self.simulation.caches.better_order(&self.state.solver) {
+            self.reorder(&order);
+        }
+    }
+
+    /// Gives each particle the slot of its place in `order`.
+    fn reorder(&mut self, order: &[u32]) {
+        let mut new_slots = vec![0; order.len()];
+        let (slots, fresh) = (self.state.particles.slots.clone(), self.simulation.fresh.clone());
+        for (new, old) in order.iter().map(|old| *old as usize).enumerate() {
+            new_slots[old] = new as u32;
+            self.state.particles.slots[new] = slots[old];
+            self.simulation.fresh[new] = fresh[old];
+            if let Ok((.., mut slot)) = self.candidates.particles.get_mut(slots[old]) {
+                slot.set(Some(new));
+            }
+        }
+        self.state.solver.renumber(&new_slots);
+    }
+
+    /// Empties the slots of what was removed and appends what was added.
+    fn update(&mut self, edits: &Edits) {
+        let (waited, present) = (self.state.pending.len(), self.state.particles.slots.len());
+        for slot in std::mem::take(&mut self.state.particles.removed) {
+            self.remove_particle(slot as usize);
+        }
+        for slot in std::mem::take(&mut self.state.springs.removed) {
+            self.remove_spring(slot as usize);
+        }
+        for &spring in &edits.relinked {
+            self.suspend(spring);
+        }
+        self.add_particles(|_, _, _| None);
+        // Springs that have been pending for long stay so where no particle was added for which they might wait.
+        let any_added = self.state.particles.slots.len() > present;
+        let first = if any_added || edits.retry || !self.state.despawned.is_empty() { 0 } else { waited };
+        for spring in self.state.pending.split_off(first) {
+            self.add_spring(spring);
+        }
+        self.add_new_springs();
+    }
+
+    /// Empties the slot of a particle; its springs are pending from now on.
+    fn remove_particle(&mut self, slot: usize) {
+        if !self.state.particles.vacate(slot) {
+            return;
+        }
+        let springs = self.simulation.caches.springs_at(&self.state.solver, slot);
+        self.state.solver.remove_particle(slot);
+        for spring in springs {
+            self.suspend(self.state.springs.slots[spring]);
+        }
+    }
+
+    /// Takes a spring out of its slot; it is pending from now on.
+    fn suspend(&mut self, entity: Entity) {
+        let Ok((.., mut slot)) = self.candidates.springs.get_mut(entity) else { return };
+        let old = slot.get();
+        slot.set(None);
+        if let Some(old) = old {
+            self.remove_spring(old);
+            self.state.pending.push(entity);
+        }
+    }
+
+    fn remove_spring(&mut self, slot: usize) {
+        if self.state.springs.vacate(slot) {
+            self.state.solver.remove_spring(slot);
+        }
+    }
+
+    /// Processes the particles that were added since the last time. `past(entity, old slot, new slot)` is where one
+    /// was in the last tick.
+    fn add_particles(&mut self, mut past: impl FnMut(Entity, Option<usize>, usize) -> Option<Vec3>) {
+        let Bookkeeping { warnings, initial, .. } = &mut *self.bookkeeping;
+        let state = &mut *self.state;
+        let mut entries = state.particles.take_new();
+        entries.retain_mut(|entry| {
+            let Ok((particle, transform, velocity, force, flags, mut slot)) =
+                self.candidates.particles.get_mut(entry.entity)
+            else {
+                return false;
+            };
+            if !entry.is_valid(&slot) {
+                return false;
+            }
+            let (is_pinned, is_quarantined, is_disabled) = flags;
+            let old_slot = slot.get();
+            slot.set(None);
+            if is_quarantined || is_disabled {
+                return true;
+            }
+            if let Err(problem) = check_particle(particle, transform, velocity) {
+                state.excluded.push(entry.entity);
+                let entity = entry.entity;
+                let message = format_args!("particle {entity} is left out of the simulation: {problem}");
+                warnings.warn_once(entity, message);
+                return true;
+            }
+            warnings.clear(entry.entity);
+            if !std::mem::replace(&mut entry.is_recorded, true) {
+                initial.record_particle(ParticleRecord {
+                    entity: entry.entity,
+                    particle: *particle,
+                    translation: transform.translation,
+                    velocity: *velocity,
+                    force: force.copied(),
+                    is_pinned,
+                    is_quarantined: false,
+                });
+            }
+            let new_slot = state.particles.slots.len();
+            slot.set(Some(new_slot));
+            let last_position = past(entry.entity, old_slot, new_slot);
+            self.simulation.fresh.push(last_position.is_none());
+            state.particles.slots.push(entry.entity);
+            // Positions and velocities are filled in by the gather.
+            let position = last_position.unwrap_or(transform.translation);
+            let inverse_mass = if is_pinned { 0.0 } else { 1.0 / particle.mass };
+            state.solver.add_particle(position, Vec3::ZERO, inverse_mass, particle.radius);
+            true
+        });
+        state.particles.put_back(entries);
+    }
+
+    fn add_new_springs(&mut self) {
+        let mut entries = self.state.springs.take_new();
+        entries.retain_mut(|entry| {
+            let Ok((spring, _, mut slot)) = self.candidates.springs.get_mut(entry.entity) else { return false };
+            if !entry.is_valid(&slot) {
+                return false;
+            }
+            if !std::mem::replace(&mut entry.is_recorded, true) {
+                self.bookkeeping.initial.record_spring(entry.entity, *spring);
+            }
+            slot.set(None);
+            self.add_spring(entry.entity);
+            true
+        });
+        self.state.springs.put_back(entries);
+    }
+
+    /// Gives a spring a slot, or leaves it pending.
+    fn add_spring(&mut self, entity: Entity) {
+        let Candidates { particles, springs, .. } = &mut self.candidates;
+        let Ok((spring, is_disabled, mut slot)) = springs.get_mut(entity) else { return };
+        if slot.get().is_some() || is_disabled {
+            return;
+        }
+        let Bookkeeping { warnings, orphaned_springs, commands, .. } = &mut *self.bookkeeping;
+        let is_orphan = spring.particles.iter().any(|end| self.state.despawned.contains(end));
+        if is_orphan && **orphaned_springs == OrphanedSprings::Despawn {
+            commands.entity(entity).try_despawn();
+            return;
+        }
+        match resolve_spring(spring, particles) {
+            Ok(Some(ends)) => {
+                slot.set(Some(self.state.springs.slots.len()));
+                self.state.springs.slots.push(entity);
+                self.state.solver.add_spring(ends, parameters(spring));
+                warnings.clear(entity);
+            }
+            Ok(None) => {
+                warnings.clear(entity);
+                self.state.pending.push(entity);
+            }
+            Err(problem) => {
+                let message = format_args!("spring {entity} is left out of the simulation: {problem}");
+                warnings.warn_once(entity, message);
+                self.state.pending.push(entity);
+            }
+        }
+    }
+}
+
+/// What can be wrong with a spring.
+#[derive(Debug, thiserror::Error)]
+enum SpringProblem {
+    #[error(transparent)]
+    Parameter(#[from] InvalidParameter),
+    #[error("its end {0} is not a particle")]
+    MissingParticle(Entity),
+    #[error("both of its ends are {0}")]
+    Loop(Entity),
+}
+
+/// The slots of a spring's ends; `None` if an end is a particle that takes no part at present.
+fn resolve_spring(
+    spring: &Spring,
+    particles: &Query<ParticleData, Allow<Disabled>>,
+) -> Result<Option<[usize; 2]>, SpringProblem> {
+    spring.validate()?;
+    let [first, second] = spring.particles;
+    if first == second {
+        return Err(SpringProblem::Loop(first));
+    }
+    let slot_of = |entity| match particles.get(entity) {
+        Ok((.., slot)) => Ok(slot.get()),
+        Err(_) => Err(SpringProblem::MissingParticle(entity)),
+    };
+    let (first, second) = (slot_of(first)?, slot_of(second)?);
+    Ok(first.zip(second).map(|(first, second)| [first, second]))
+}

@@ -1,0 +1,271 @@
+//! Snapshots: all that the next ticks depend on, and how it is put back; the initial state is one.
+
+use bevy::ecs::entity::{EntityHashMap, EntityMapper, MapEntities};
+use bevy::prelude::*;
+
+use crate::collider::PlaneCollider;
+use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::report::TickReport;
+use crate::solver::Measurements;
+use crate::spring::Spring;
+
+use super::easing;
+use super::state::MassSpringState;
+
+/// All that the next ticks of the simulation depend on, but for settings and [`Environment`](crate::Environment).
+///
+/// What follows [`restore`](Self::restore) is to the last bit what followed [`take`](Self::take), in the same app or
+/// in another one in which the same scene was spawned, on any number of threads. With the feature `serialize` it can
+/// be written to a file.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// #[derive(Resource)]
+/// struct Checkpoint(Snapshot);
+///
+/// fn save(world: &mut World) {
+///     let snapshot = Snapshot::take(world);
+///     world.insert_resource(Checkpoint(snapshot));
+/// }
+///
+/// fn load(world: &mut World) {
+///     world.resource_scope(|world, checkpoint: Mut<Checkpoint>| checkpoint.0.restore(world));
+/// }
+/// ```
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub struct Snapshot {
+    particles: Vec<ParticleRecord>,
+    springs: Vec<(Entity, Spring)>,
+    planes: Vec<PlaneRecord>,
+    /// `None` for an initial state, before any tick has run.
+    state: Option<MassSpringState>,
+}
+
+/// The components of a particle.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct ParticleRecord {
+    pub entity: Entity,
+    pub particle: Particle,
+    pub translation: Vec3,
+    pub velocity: ParticleVelocity,
+    pub force: Option<AppliedForce>,
+    pub is_pinned: bool,
+    pub is_quarantined: bool,
+}
+
+/// The components of a plane.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+struct PlaneRecord {
+    entity: Entity,
+    plane: PlaneCollider,
+    translation: Vec3,
+    rotation: Quat,
+}
+
+/// Why a [`Snapshot`] does not fit into a world.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the snapshot has {expected} {what}, the world {found}")]
+#[non_exhaustive]
+pub struct SnapshotError {
+    /// Particles, springs or planes.
+    pub what: &'static str,
+    /// Their number in the snapshot.
+    pub expected: usize,
+    /// Their number in the world.
+    pub found: usize,
+}
+
+impl Snapshot {
+    /// Takes a snapshot of all particles, springs and planes. It changes nothing.
+    ///
+    /// Between two ticks positions are those of the last one, not those that interpolation shows.
+    pub fn take(world: &World) -> Self {
+        let state = world.resource::<MassSpringState>();
+        let particles = state.particles.entities();
+        let particles = particles.filter_map(|entity| ParticleRecord::of(world, entity)).collect();
+        let springs = state.springs.entities();
+        let springs = springs.filter_map(|entity| Some((entity, *world.get::<Spring>(entity)?))).collect();
+        let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
+        Self { particles, springs, planes, state: Some(state.clone()) }
+    }
+
+    /// Puts all particles, springs and planes of the snapshot back that still exist, and the solver with them.
+    ///
+    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
+    /// planes return to what they were; particles that were quarantined since come back. Entities that were
+    /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
+    /// spawned.
+    pub fn restore(&self, world: &mut World) {
+        self.clone().put_back(world);
+    }
+
+    /// Puts the snapshot into another world in which the same scene was spawned: the first particle of the
+    /// simulation there becomes the first one of the snapshot, and so on.
+    ///
+    /// # Errors
+    /// If the world has another number of particles, springs or planes. Nothing is changed then.
+    pub fn restore_in_order(&self, world: &mut World) -> Result<(), SnapshotError> {
+        let present = Self::take(world);
+        let pairs = [
+            ("particles", self.particle_entities(), present.particle_entities()),
+            ("springs", self.spring_entities(), present.spring_entities()),
+            ("planes", self.plane_entities(), present.plane_entities()),
+        ];
+        let mut map = EntityHashMap::default();
+        for (what, from, to) in pairs {
+            if from.len() != to.len() {
+                return Err(SnapshotError { what, expected: from.len(), found: to.len() });
+            }
+            map.extend(from.into_iter().zip(to));
+        }
+        let mut snapshot = self.clone();
+        snapshot.map_entities(&mut map);
+        snapshot.put_back(world);
+        Ok(())
+    }
+
+    fn particle_entities(&self) -> Vec<Entity> {
+        self.particles.iter().map(|record| record.entity).collect()
+    }
+
+    fn spring_entities(&self) -> Vec<Entity> {
+        self.springs.iter().map(|(entity, _)| *entity).collect()
+    }
+
+    fn plane_entities(&self) -> Vec<Entity> {
+        self.planes.iter().map(|record| record.entity).collect()
+    }
+
+    fn put_back(self, world: &mut World) {
+        let Self { particles, springs, planes, state } = self;
+        for record in particles {
+            if let Ok(mut entity) = world.get_entity_mut(record.entity)
+                && entity.contains::<Particle>()
+            {
+                record.restore(&mut entity);
+            }
+        }
+        for (entity, recorded) in springs {
+            if let Some(mut spring) = world.get_mut::<Spring>(entity) {
+                spring.set_if_neq(recorded);
+            }
+        }
+        planes.iter().for_each(|record| record.restore(world));
+        match state {
+            Some(state) => *world.resource_mut::<MassSpringState>() = state,
+            None => world.resource_mut::<MassSpringState>().restart(),
+        }
+    }
+}
+
+impl MapEntities for Snapshot {
+    fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
+        self.particles.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
+        for (entity, spring) in &mut self.springs {
+            *entity = mapper.get_mapped(*entity);
+            spring.map_entities(mapper);
+        }
+        self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
+        if let Some(state) = &mut self.state {
+            state.map_entities(mapper);
+        }
+    }
+}
+
+impl ParticleRecord {
+    fn of(world: &World, entity: Entity) -> Option<Self> {
+        let entity = world.get_entity(entity).ok()?;
+        Some(Self {
+            entity: entity.id(),
+            particle: *entity.get()?,
+            translation: easing::exact_translation(world, entity)?,
+            velocity: *entity.get()?,
+            force: entity.get().copied(),
+            is_pinned: entity.contains::<Pinned>(),
+            is_quarantined: entity.contains::<Quarantined>(),
+        })
+    }
+
+    fn restore(&self, entity: &mut EntityWorldMut) {
+        entity.insert((self.particle, self.velocity));
+        if let Some(mut transform) = entity.get_mut::<Transform>() {
+            transform.translation = self.translation;
+        }
+        easing::reset(entity);
+        match self.force {
+            Some(force) => entity.insert(force),
+            None => entity.remove::<AppliedForce>(),
+        };
+        set_marker(entity, Pinned, self.is_pinned);
+        set_marker(entity, Quarantined, self.is_quarantined);
+    }
+}
+
+/// Inserts or removes a component without a value.
+fn set_marker<T: Component>(entity: &mut EntityWorldMut, marker: T, is_present: bool) {
+    match is_present {
+        true if entity.contains::<T>() => entity,
+        true => entity.insert(marker),
+        false => entity.remove::<T>(),
+    };
+}
+
+impl PlaneRecord {
+    fn of(world: &World, entity: Entity) -> Option<Self> {
+        let transform = world.get::<Transform>(entity)?;
+        let plane = *world.get::<PlaneCollider>(entity)?;
+        Some(Self { entity, plane, translation: transform.translation, rotation: transform.rotation })
+    }
+
+    fn restore(&self, world: &mut World) {
+        if let Some(mut plane) = world.get_mut::<PlaneCollider>(self.entity) {
+            plane.set_if_neq(self.plane);
+            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
+                (transform.translation, transform.rotation) = (self.translation, self.rotation);
+            }
+        }
+    }
+}
+
+/// The one initial state. It is recorded as particles and springs are first seen, or taken on request.
+#[derive(Resource, Default)]
+pub(super) struct InitialState(Snapshot);
+
+impl InitialState {
+    pub fn record_particle(&mut self, record: ParticleRecord) {
+        self.0.particles.push(record);
+    }
+
+    pub fn record_spring(&mut self, entity: Entity, spring: Spring) {
+        self.0.springs.push((entity, spring));
+    }
+
+    pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {
+        let Transform { translation, rotation, .. } = *transform;
+        self.0.planes.push(PlaneRecord { entity, plane, translation, rotation });
+    }
+}
+
+/// See [`TakeInitialState`](crate::snapshot::TakeInitialState).
+pub(crate) fn take_initial_state(world: &mut World) {
+    let snapshot = Snapshot::take(world);
+    let mut state = world.resource_mut::<MassSpringState>();
+    let MassSpringState { particles, springs, planes, .. } = &mut *state;
+    particles.entries.iter_mut().chain(&mut springs.entries).for_each(|entry| entry.is_recorded = true);
+    planes.iter_mut().for_each(|plane| plane.is_recorded = true);
+    world.resource_mut::<InitialState>().0 = snapshot;
+}
+
+/// See [`RestoreInitialState`](crate::snapshot::RestoreInitialState).
+pub(crate) fn restore_initial_state(world: &mut World) {
+    let snapshot = world.resource::<InitialState>().0.clone();
+    snapshot.put_back(world);
+    *world.resource_mut::<TickReport>() = TickReport::default();
+    if let Some(mut measurements) = world.get_resource_mut::<Measurements>() {
+        *measurements = Measurements::default();
+    }
+}

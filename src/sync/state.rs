@@ -1,0 +1,214 @@
+//! The state of the simulation between two ticks, and the observers that keep it complete.
+
+use std::fmt::Display;
+
+use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities};
+use bevy::ecs::entity_disabling::Disabled;
+use bevy::ecs::query::Allow;
+use bevy::prelude::*;
+
+use crate::collider::PlaneCollider;
+use crate::particle::Particle;
+use crate::solver::{Pose, State, Version};
+use crate::spring::Spring;
+
+use super::Simulation;
+use super::registry::{Registry, Slot};
+
+/// What the simulation remembers from tick to tick beside the components: the order of particles and springs, where
+/// pinned particles and planes were, and the impulses of contacts.
+///
+/// Rollback libraries and save games store a clone of it together with the components [`Particle`],
+/// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
+/// [`Quarantined`](crate::Quarantined), [`Spring`], [`PlaneCollider`] and `Transform`. With all of these put back,
+/// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
+/// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
+/// [`Snapshot`](crate::snapshot::Snapshot) does all of that.
+#[derive(Resource, Debug, Clone, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub struct MassSpringState {
+    pub(super) particles: Registry,
+    pub(super) springs: Registry,
+    /// The planes in the order of spawning.
+    pub(super) planes: Vec<RegisteredPlane>,
+    /// Something happened that all slots depend on.
+    pub(super) is_outdated: bool,
+    /// Particles with bad values, left out until they are corrected.
+    pub(super) excluded: Vec<Entity>,
+    /// Springs that wait for an end, or to be corrected.
+    pub(super) pending: Vec<Entity>,
+    /// Particles that were despawned since the last tick.
+    pub(super) despawned: EntityHashSet,
+    pub(super) solver: State,
+    /// Changes whenever any of this does.
+    pub(super) version: Version,
+}
+
+/// A plane, and what is remembered of it.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct RegisteredPlane {
+    pub entity: Entity,
+    /// The pose of the last tick; `None` if it had none.
+    pub last_pose: Option<Pose>,
+    /// Whether its initial state has been recorded.
+    pub is_recorded: bool,
+}
+
+impl RegisteredPlane {
+    pub fn new(entity: Entity) -> Self {
+        Self { entity, last_pose: None, is_recorded: false }
+    }
+}
+
+impl MassSpringState {
+    /// As before the first tick: all entities stay registered, nothing is remembered of what they did.
+    pub(super) fn restart(&mut self) {
+        self.particles.reset_slots();
+        self.springs.reset_slots();
+        self.planes.iter_mut().for_each(|plane| plane.last_pose = None);
+        self.solver.clear();
+        self.solver.forget_contacts();
+        self.is_outdated = true;
+        self.version = Version::new();
+    }
+}
+
+impl MapEntities for MassSpringState {
+    fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
+        self.particles.map_entities(mapper);
+        self.springs.map_entities(mapper);
+        for entity in self.planes.iter_mut().map(|plane| &mut plane.entity).chain(&mut self.excluded).chain(&mut self.pending)
+        {
+            *entity = mapper.get_mapped(*entity);
+        }
+        self.despawned = self.despawned.iter().map(|entity| mapper.get_mapped(*entity)).collect();
+        self.version = Version::new();
+    }
+}
+
+/// Warnings that were logged, so that each is logged once.
+#[derive(Resource, Default)]
+pub(super) struct Warnings(EntityHashMap<String>);
+
+impl Warnings {
+    /// Logs what is wrong with an entity, once until it is corrected or something else is wrong.
+    pub fn warn_once(&mut self, entity: Entity, problem: impl Display) {
+        let problem = problem.to_string();
+        if self.0.get(&entity) != Some(&problem) {
+            log::warn!("{problem}");
+            self.0.insert(entity, problem);
+        }
+    }
+
+    /// Clears the warning about an entity: all is well with it.
+    pub fn clear(&mut self, entity: Entity) {
+        if !self.0.is_empty() {
+            self.0.remove(&entity);
+        }
+    }
+}
+
+/// A component that has a registry.
+pub(super) trait Registered: Component {
+    fn registry(state: &mut MassSpringState) -> &mut Registry;
+}
+
+impl Registered for Particle {
+    fn registry(state: &mut MassSpringState) -> &mut Registry {
+        &mut state.particles
+    }
+}
+
+impl Registered for Spring {
+    fn registry(state: &mut MassSpringState) -> &mut Registry {
+        &mut state.springs
+    }
+}
+
+/// Gives a state that an observer changes a new version. One that was put back meanwhile stays known as such.
+fn touch(state: &mut MassSpringState, simulation: &mut Simulation) {
+    let was_replaced = state.version != simulation.version;
+    state.version = Version::new();
+    if !was_replaced {
+        simulation.version = state.version;
+    }
+}
+
+/// Registers an entity that got the component.
+pub(super) fn register<T: Registered>(
+    added: On<Add, T>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+    mut slots: Query<&mut Slot<T>, Allow<Disabled>>,
+    mut commands: Commands,
+) {
+    touch(&mut state, &mut simulation);
+    if let Ok(mut slot) = slots.get_mut(added.entity) {
+        T::registry(&mut state).add(added.entity, &mut slot);
+        return;
+    }
+    // The slot comes with the component, unless there were such entities before the plugin: what is
+    // required of a component cannot be changed then.
+    let mut slot = Slot::<T>::default();
+    T::registry(&mut state).add(added.entity, &mut slot);
+    commands.entity(added.entity).try_insert(slot);
+}
+
+/// Takes note that an entity lost the component: its slot is no longer its own.
+pub(super) fn unregister<T: Registered>(
+    removed: On<Remove, T>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+    mut warnings: ResMut<Warnings>,
+    mut slots: Query<&mut Slot<T>, Allow<Disabled>>,
+) {
+    warnings.clear(removed.entity);
+    touch(&mut state, &mut simulation);
+    if let Ok(mut slot) = slots.get_mut(removed.entity) {
+        T::registry(&mut state).removed.extend(slot.get().map(|slot| slot as u32));
+        slot.set(None);
+    }
+}
+
+/// Takes note that a particle is despawned: its springs go with it.
+pub(super) fn note_despawned(despawned: On<Despawn, Particle>, mut state: ResMut<MassSpringState>) {
+    state.despawned.insert(despawned.entity);
+}
+
+/// Takes note that the slots depend on what has just happened to `T`: [`Add`], [`Insert`] or [`Remove`].
+pub(super) fn mark_outdated<E: EntityEvent, T: Component>(
+    event: On<E, T>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+    registered: Query<(), (Or<(With<Slot<Particle>>, With<Slot<Spring>>)>, Allow<Disabled>)>,
+) {
+    if registered.contains(event.event_target()) {
+        state.is_outdated = true;
+        touch(&mut state, &mut simulation);
+    }
+}
+
+/// Registers what was spawned before the plugin was added.
+pub(super) fn register_existing(world: &mut World) {
+    register_all::<Particle>(world);
+    register_all::<Spring>(world);
+    let mut planes = world.query_filtered::<Entity, (With<PlaneCollider>, Allow<Disabled>)>();
+    let mut planes: Vec<Entity> = planes.iter(world).collect();
+    planes.sort_unstable();
+    world.resource_mut::<MassSpringState>().planes.extend(planes.into_iter().map(RegisteredPlane::new));
+}
+
+fn register_all<T: Registered>(world: &mut World) {
+    let mut existing: Vec<Entity> =
+        world.query_filtered::<Entity, (With<T>, Allow<Disabled>)>().iter(world).collect();
+    existing.sort_unstable();
+    world.resource_scope(|world, mut state: Mut<MassSpringState>| {
+        for entity in existing {
+            let mut entity_mut = world.entity_mut(entity);
+            let mut slot = Slot::<T>::default();
+            T::registry(&mut state).add(entity, &mut slot);
+            entity_mut.insert(slot);
+        }
+    });
+}
