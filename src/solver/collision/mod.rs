@@ -215,8 +215,7 @@ impl ContactCaches {
             let Self { pair_contacts, candidates, bodies, .. } = self;
             pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
             for _ in 0..VELOCITY_ITERATIONS {
-                // The planes come first: else a ball that its load presses into a plane seems to part from the
-                // load.
+                // The planes come first: else a ball that its load presses into a plane seems to part from it.
                 self.solve_plane_velocities();
                 let Self { pair_contacts, candidates, bodies, .. } = self;
                 let groups = &mut candidates.groups;
