@@ -14,7 +14,7 @@ use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{PairRules, Plane, Scheme, SolverState, StepSettings, step};
+use bevy_mass_spring::solver::{self, PairRules, Plane, Integrator, Solver, StepSettings};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 const SUBSTEPS: u32 = 8;
@@ -73,14 +73,14 @@ impl Net {
         self.positions[first].distance(self.positions[second])
     }
 
-    fn solver_state(&self) -> SolverState {
-        let mut state = SolverState::default();
+    fn solver_state(&self) -> Solver {
+        let mut state = Solver::default();
         for (slot, position) in self.positions.iter().enumerate() {
             let mass = if self.pinned.contains(&slot) { f32::INFINITY } else { self.mass };
-            state.particles.push(*position, Vec3::ZERO, mass, 0.0);
+            state.add_particle(*position, Vec3::ZERO, mass, 0.0).unwrap();
         }
         for &link in &self.links {
-            state.springs.push(link.0, link.1, self.rest_length(link), self.stiffness, self.damping);
+            state.add_spring([link.0, link.1], solver::Spring { rest_length: self.rest_length(link), stiffness: self.stiffness, damping: self.damping }).unwrap();
         }
         state
     }
@@ -90,7 +90,7 @@ impl Net {
         app.add_plugins(MassSpringPlugin::default())
             .insert_resource(SolverSettings {
                 integrator: Integrator::SemiImplicitEuler,
-                substeps: Substeps::Fixed(SUBSTEPS),
+                substeps: SubstepMode::Fixed(SUBSTEPS),
             })
             .insert_resource(CollisionSettings { particles: false, ..CollisionSettings::default() });
         let world = app.world_mut();
@@ -211,7 +211,7 @@ mod naive {
 
 fn settings() -> StepSettings {
     StepSettings {
-        scheme: Scheme::SemiImplicitEuler,
+        scheme: Integrator::SemiImplicitEuler,
         substeps: SUBSTEPS,
         time_step: TICK,
         gravity: GRAVITY,
@@ -224,7 +224,7 @@ fn settings() -> StepSettings {
 fn assert_same_physics(net: &Net) {
     let (mut state, mut naive, mut app) = (net.solver_state(), naive::World::of(net), net.app());
     for _ in 0..30 {
-        step(&mut state, &settings());
+        state.step(&settings());
         naive.tick();
     }
     // The app has run one tick already.
@@ -239,7 +239,7 @@ fn assert_same_physics(net: &Net) {
     for (slot, start) in net.positions.iter().enumerate() {
         let position = naive.position(slot);
         let differences =
-            [state.particles.position.get(slot), in_app[slot].1].map(|other| other.distance(position));
+            [state.position(slot), in_app[slot].1].map(|other| other.distance(position));
         assert!(differences.iter().all(|difference| *difference < 3e-4), "{}: {differences:?}", net.name);
         moved = moved.max(position.distance(*start));
     }
@@ -256,7 +256,7 @@ fn nets(criterion: &mut Criterion) {
         let mut world = naive::World::of(&net);
         group.bench_function("naive", |bencher| bencher.iter(|| black_box(&mut world).tick()));
         let (mut state, settings) = (net.solver_state(), settings());
-        group.bench_function("solver", |bencher| bencher.iter(|| step(black_box(&mut state), &settings)));
+        group.bench_function("solver", |bencher| bencher.iter(|| black_box(&mut state).step(&settings)));
         let mut app = net.app();
         group.bench_function("tick", |bencher| bencher.iter(|| app.update()));
         group.finish();
@@ -264,14 +264,14 @@ fn nets(criterion: &mut Criterion) {
 }
 
 /// Balls of 0.1 m in a box of 4 m × 4 m, stacked loosely above its floor.
-fn box_of_balls(count: usize) -> SolverState {
-    let mut state = SolverState::default();
+fn box_of_balls(count: usize) -> Solver {
+    let mut state = Solver::default();
     for slot in 0..count {
         let (column, row, layer) = (slot % 16, slot / 16 % 16, slot / 256);
         // Not quite a lattice, which would stand.
         let jitter = Vec3::new((slot * 7 % 11) as f32, 0.0, (slot * 5 % 13) as f32) * 0.002;
         let corner = Vec3::new(column as f32, layer as f32, row as f32) * 0.23;
-        state.particles.push(corner + jitter + Vec3::splat(0.15), Vec3::ZERO, 1.0, 0.1);
+        state.add_particle(corner + jitter + Vec3::splat(0.15), Vec3::ZERO, 1.0, 0.1).unwrap();
     }
     for (point, normal) in [
         (Vec3::ZERO, Vec3::Y),
@@ -280,7 +280,7 @@ fn box_of_balls(count: usize) -> SolverState {
         (Vec3::ZERO, Vec3::Z),
         (Vec3::Z * 4.0, Vec3::NEG_Z),
     ] {
-        state.contacts.planes.push(Plane::resting(point, normal, 0.0, 0.0));
+        state.add_plane(Plane::resting(point, normal, 0.0, 0.0));
     }
     state
 }
@@ -302,7 +302,7 @@ fn balls(criterion: &mut Criterion) {
     let mut ticks = 0;
     for until in [60, 600] {
         while ticks < until {
-            step(&mut state, &settings);
+            state.step(&settings);
             ticks += 1;
         }
         group.bench_function(BenchmarkId::new("solver, from tick", until), |bencher| {
@@ -310,7 +310,7 @@ fn balls(criterion: &mut Criterion) {
                 || state.clone(),
                 |state| {
                     for _ in 0..10 {
-                        step(black_box(state), &settings);
+                        black_box(state).step(&settings);
                     }
                 },
                 criterion::BatchSize::LargeInput,

@@ -9,7 +9,7 @@ use bevy::app::{TaskPoolOptions, TaskPoolThreadAssignmentPolicy};
 use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{PairRules, Plane, SolverState, StepSettings, step};
+use bevy_mass_spring::solver::{PairRules, Plane, Solver, StepSettings};
 use common::*;
 
 #[derive(Component)]
@@ -203,15 +203,15 @@ fn child_prints_its_history() {
 
 /// The state of a dense pile of balls after two ticks, large enough for its contacts to be solved in slabs.
 fn dense_pile() -> u64 {
-    let mut state = SolverState::default();
+    let mut state = Solver::default();
     for ball in 0..40_u16.pow(2) * 21 {
         let (column, row, layer) = (ball % 40, ball / 40 % 40, ball / 1600);
         let jitter =
             Vec3::new(f32::from(ball % 11 * 7 % 11), f32::from(ball % 17), f32::from(ball % 13)) * 1e-3;
         let corner = Vec3::new(f32::from(column), f32::from(layer), f32::from(row)) * 0.19;
-        state.particles.push(corner + jitter, Vec3::ZERO, 1.0, 0.1);
+        state.add_particle(corner + jitter, Vec3::ZERO, 1.0, 0.1).unwrap();
     }
-    state.contacts.planes.push(Plane::resting(Vec3::ZERO, Vec3::Y, 0.2, 0.3));
+    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.2, 0.3));
     let settings = StepSettings {
         substeps: 4,
         gravity: Vec3::new(0.0, -9.81, 0.0),
@@ -219,9 +219,9 @@ fn dense_pile() -> u64 {
         ..StepSettings::default()
     };
     for _ in 0..2 {
-        step(&mut state, &settings);
+        state.step(&settings);
     }
-    assert!(state.contacts.count() > 50_000, "{} contacts", state.contacts.count());
+    assert!(state.outputs().contact_count > 50_000, "{} contacts", state.outputs().contact_count);
     let mut hasher = DefaultHasher::new();
     for axis in [state.particles.position.axes(), state.particles.velocity.axes()].as_flattened() {
         axis.iter().for_each(|value| value.to_bits().hash(&mut hasher));

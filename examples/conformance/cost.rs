@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use bevy::math::DVec3;
-use bevy_mass_spring::settings::{Integrator, Substeps};
+use bevy_mass_spring::settings::{Integrator, SubstepMode};
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
@@ -111,8 +111,8 @@ fn compare(lab: &mut Lab, section: &mut Section, scene: &Scene) -> Result<(), Bo
 
 /// Runs with more and more substeps, up to a number at which all of them cost about the same.
 fn runs(integrator: Integrator, net: &Net, truth: &[DVec3]) -> Vec<Run> {
-    let choices: Vec<Substeps> = match integrator {
-        Integrator::Auto => vec![Substeps::Auto],
+    let choices: Vec<SubstepMode> = match integrator {
+        Integrator::Auto => vec![SubstepMode::Auto],
         Integrator::ImplicitEuler => doublings(16),
         _ => doublings(512),
     };
@@ -129,8 +129,8 @@ fn runs(integrator: Integrator, net: &Net, truth: &[DVec3]) -> Vec<Run> {
 }
 
 /// 1, 2, 4 … `most` substeps.
-fn doublings(most: u32) -> Vec<Substeps> {
-    (0..=most.ilog2()).map(|power| Substeps::Fixed(1 << power)).collect()
+fn doublings(most: u32) -> Vec<SubstepMode> {
+    (0..=most.ilog2()).map(|power| SubstepMode::Fixed(1 << power)).collect()
 }
 
 /// The cost of a tick, ms: the mean over the ticks of the minimum of several runs, which all do the same

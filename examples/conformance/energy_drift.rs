@@ -23,7 +23,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     for integrator in integrators() {
         let mut cells = vec![format!("`{integrator}`"), String::new()];
         for (index, scene) in [&pendulum, &net].into_iter().enumerate() {
-            let mut simulation = Simulation::new(scene, integrator, Substeps::Fixed(4), TICK);
+            let mut simulation = Simulation::new(scene, integrator, SubstepMode::Fixed(4), TICK);
             let points = drift(&mut simulation, scene.weight());
             let last = points.last().map_or(f64::NAN, |(_, change)| *change);
             let finding = finding(&points, last);

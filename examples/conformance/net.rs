@@ -1,8 +1,7 @@
 //! Nets of particles and springs, from which both the solver's state and the f64 reference are made.
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::SolverState;
-use bevy_mass_spring::solver::stability::FrequencyBounds;
+use bevy_mass_spring::solver::Solver;
 
 /// m/s², as the solver has it.
 pub const GRAVITY: f64 = 9.81_f32 as f64;
@@ -100,17 +99,17 @@ impl Net {
     }
 
     /// The same net as the solver has it.
-    pub fn solver_state(&self) -> SolverState {
-        let mut state = SolverState::default();
+    pub fn solver_state(&self) -> Solver {
+        let mut state = Solver::default();
         for slot in 0..self.position.len() {
-            state.particles.push(self.position[slot].as_vec3(), self.velocity[slot].as_vec3(), 1.0, 0.0);
+            state.add_particle(self.position[slot].as_vec3(), self.velocity[slot].as_vec3(), 1.0, 0.0).unwrap();
             state.particles.inverse_mass[slot] = self.inverse_mass[slot] as f32;
         }
         for link in &self.links {
             let [first, second] = link.ends;
             let [length, stiffness, damping] =
                 [link.rest_length, link.stiffness, link.damping].map(|value| value as f32);
-            state.springs.push(first, second, length, stiffness, damping);
+            state.add_spring([first, second], solver::Spring { rest_length: length, stiffness: stiffness, damping: damping }).unwrap();
         }
         state
     }
@@ -126,10 +125,10 @@ impl Net {
     }
 
     /// Continues from the positions and velocities of `state`.
-    pub fn take(&mut self, state: &SolverState) {
+    pub fn take(&mut self, state: &Solver) {
         for slot in 0..self.position.len() {
-            self.position[slot] = state.particles.position.get(slot).as_dvec3();
-            self.velocity[slot] = state.particles.velocity.get(slot).as_dvec3();
+            self.position[slot] = state.position(slot).as_dvec3();
+            self.velocity[slot] = state.velocity(slot).as_dvec3();
         }
     }
 

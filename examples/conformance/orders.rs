@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use bevy::math::DVec3;
-use bevy_mass_spring::settings::{Integrator, Substeps};
+use bevy_mass_spring::settings::{Integrator, SubstepMode};
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
@@ -29,7 +29,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         let errors: Vec<(f64, f64)> = SUBSTEPS
             .into_iter()
             .map(|substeps| {
-                let mut simulation = Simulation::new(&net, integrator, Substeps::Fixed(substeps), 1.0);
+                let mut simulation = Simulation::new(&net, integrator, SubstepMode::Fixed(substeps), 1.0);
                 simulation.tick();
                 (1.0 / f64::from(substeps), root_mean_square(&simulation.positions(), &truth.position))
             })

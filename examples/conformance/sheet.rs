@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use bevy_mass_spring::settings::{Integrator, Substeps};
+use bevy_mass_spring::settings::{Integrator, SubstepMode};
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
@@ -19,7 +19,7 @@ const THEIR_FRAME: f64 = 50.0;
 
 pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     let mut net = Net::sheet(81, 0.01, 1e5, 0.0, false);
-    let mut before = Simulation::new(&net, Integrator::ImplicitEuler, Substeps::Fixed(1), TICK);
+    let mut before = Simulation::new(&net, Integrator::ImplicitEuler, SubstepMode::Fixed(1), TICK);
     before.run(TICKS_BEFORE);
     net.take(&before.state);
     let seconds = f64::from(TICK as f32);
@@ -37,7 +37,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             let (simulation, milliseconds) = one_tick(&net, integrator, substeps);
             let error = root_mean_square(&simulation.positions(), &truth.position) / way;
             // One substep of backward Euler is what the converged step is of.
-            let is_step = substeps == Substeps::Fixed(1) && integrator == Integrator::ImplicitEuler;
+            let is_step = substeps == SubstepMode::Fixed(1) && integrator == Integrator::ImplicitEuler;
             let deviation = root_mean_square(&simulation.positions(), &converged.position) / step;
             if error < 1.0 {
                 table.row([
@@ -83,20 +83,20 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
 }
 
 /// Numbers of substeps to try: from 1 for what is stable with any, from the bound for others.
-fn candidates(integrator: Integrator) -> Vec<Substeps> {
+fn candidates(integrator: Integrator) -> Vec<SubstepMode> {
     if integrator == Integrator::Auto {
-        return vec![Substeps::Auto];
+        return vec![SubstepMode::Auto];
     }
     let counts: &[u32] = match integrator {
         Integrator::ImplicitEuler => &[1, 2, 4],
         Integrator::Xpbd => &[1, 4, 16],
         _ => &[64, 128, 256, 512],
     };
-    counts.iter().map(|count| Substeps::Fixed(*count)).collect()
+    counts.iter().map(|count| SubstepMode::Fixed(*count)).collect()
 }
 
 /// The tick, and its cost after a first run: the minimum of five, ms.
-fn one_tick(net: &Net, integrator: Integrator, substeps: Substeps) -> (Simulation, f64) {
+fn one_tick(net: &Net, integrator: Integrator, substeps: SubstepMode) -> (Simulation, f64) {
     let mut simulation = Simulation::new(net, integrator, substeps, TICK);
     let start = simulation.state.particles.clone();
     simulation.tick();

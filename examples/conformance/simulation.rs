@@ -3,26 +3,26 @@
 use std::time::Instant;
 
 use bevy::math::DVec3;
-use bevy_mass_spring::settings::{Integrator, SolverSettings, Substeps};
-use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
+use bevy_mass_spring::settings::{Integrator, SolverSettings, SubstepMode};
+use bevy_mass_spring::solver::{Integrator, Solver, StepSettings};
 
 use crate::net::{Net, gravity};
 
 /// Every named scheme, and `Auto`.
 pub fn integrators() -> impl Iterator<Item = Integrator> {
-    Scheme::ALL.into_iter().map(Integrator::from).chain([Integrator::Auto])
+    Integrator::named().into_iter().map(Integrator::from).chain([Integrator::Auto])
 }
 
 /// A run.
 pub struct Simulation {
-    pub state: SolverState,
+    pub state: Solver,
     pub settings: StepSettings,
     milliseconds: Vec<f64>,
 }
 
 impl Simulation {
     /// `net` in ticks of `time_step` seconds under gravity.
-    pub fn new(net: &Net, integrator: Integrator, substeps: Substeps, time_step: f64) -> Self {
+    pub fn new(net: &Net, integrator: Integrator, substeps: SubstepMode, time_step: f64) -> Self {
         let time_step = time_step as f32;
         let settings = SolverSettings { integrator, substeps };
         let (scheme, substeps) = settings.choose(&net.frequency_bounds(), time_step);
@@ -40,8 +40,8 @@ impl Simulation {
     /// With one substep where every step is stable, else as many as the stability bound asks for.
     pub fn stable(net: &Net, integrator: Integrator, time_step: f64) -> Self {
         let substeps = match integrator {
-            Integrator::ImplicitEuler => Substeps::Fixed(1),
-            _ => Substeps::Auto,
+            Integrator::ImplicitEuler => SubstepMode::Fixed(1),
+            _ => SubstepMode::Auto,
         };
         Self::new(net, integrator, substeps, time_step)
     }
@@ -49,7 +49,7 @@ impl Simulation {
     /// Runs one tick; returns its cost, ms.
     pub fn tick(&mut self) -> f64 {
         let start = Instant::now();
-        step(&mut self.state, &self.settings);
+        self.state.step(&self.settings);
         let milliseconds = start.elapsed().as_secs_f64() * 1e3;
         self.milliseconds.push(milliseconds);
         milliseconds
@@ -72,18 +72,18 @@ impl Simulation {
 
     /// Kinetic, elastic and gravitational energy, J.
     pub fn energy(&self) -> f64 {
-        let totals = energy::totals(&self.state, self.settings.gravity);
+        let totals = self.state.measure(self.settings.gravity);
         totals.kinetic_energy + totals.elastic_energy + totals.gravitational_energy
     }
 
     /// m
     pub fn position(&self, slot: usize) -> DVec3 {
-        self.state.particles.position.get(slot).as_dvec3()
+        self.state.position(slot).as_dvec3()
     }
 
     /// m
     pub fn positions(&self) -> Vec<DVec3> {
-        (0..self.state.particles.len()).map(|slot| self.position(slot)).collect()
+        (0..self.state.particle_count()).map(|slot| self.position(slot)).collect()
     }
 
     /// The median cost of a tick so far.

@@ -35,7 +35,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         let mut largest: f64 = 0.0;
         for _ in 0..600 {
             simulation.run(1);
-            let stretch = energy::totals(&simulation.state, gravity()).max_stretch;
+            let stretch = simulation.state.measure(gravity()).max_stretch;
             largest = if simulation.is_finite() { largest.max(stretch) } else { f64::INFINITY };
             if !largest.is_finite() {
                 break;

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use bevy_mass_spring::settings::{Integrator, Substeps};
+use bevy_mass_spring::settings::{Integrator, SubstepMode};
 
 use crate::Lab;
 use crate::document::{Section, Table, brief};
@@ -70,9 +70,9 @@ struct Outcome {
 fn fall(integrator: Integrator, stiffness: f64, time_step: f64) -> Outcome {
     let net = Net::sheet(SIDE, 0.01, stiffness, 0.0, false);
     let substeps = match integrator {
-        Integrator::Auto => Substeps::Auto,
-        Integrator::ImplicitEuler => Substeps::Fixed(1),
-        _ => Substeps::Fixed(SUBSTEPS),
+        Integrator::Auto => SubstepMode::Auto,
+        Integrator::ImplicitEuler => SubstepMode::Fixed(1),
+        _ => SubstepMode::Fixed(SUBSTEPS),
     };
     let mut simulation = Simulation::new(&net, integrator, substeps, time_step);
     let (start, weight) = (simulation.energy(), net.weight());

@@ -114,16 +114,28 @@ impl Solver {
         self.state.remove_spring(number);
     }
 
-    /// Changes the mass in kg (`f32::INFINITY`: pinned) and the radius in m of a particle.
+    /// Changes the mass of a particle, kg; `f32::INFINITY` pins it.
     ///
     /// # Errors
-    /// If the mass is not > 0, or the radius not finite and >= 0.
+    /// If the mass is not > 0.
     ///
     /// # Panics
     /// If there is no such particle.
-    pub fn set_particle(&mut self, number: usize, mass: f32, radius: f32) -> Result<(), SolverError> {
+    pub fn set_mass(&mut self, number: usize, mass: f32) -> Result<(), SolverError> {
+        self.state.set_particle(number, inverse(mass)?, self.radius(number));
+        Ok(())
+    }
+
+    /// Changes the radius of a particle, m.
+    ///
+    /// # Errors
+    /// If the radius is not finite and >= 0.
+    ///
+    /// # Panics
+    /// If there is no such particle.
+    pub fn set_radius(&mut self, number: usize, radius: f32) -> Result<(), SolverError> {
         non_negative("radius", radius)?;
-        self.state.set_particle(number, inverse(mass)?, radius);
+        self.state.set_particle(number, self.inverse_mass(number), radius);
         Ok(())
     }
 
@@ -232,6 +244,11 @@ impl Solver {
     /// 1 / mass of a particle, 1/kg; 0 if it is pinned.
     pub fn inverse_mass(&self, number: usize) -> f32 {
         self.state.particles.inverse_mass()[number]
+    }
+
+    /// The radius of a particle, m.
+    pub fn radius(&self, number: usize) -> f32 {
+        self.state.particles.radius()[number]
     }
 
     /// The force that pushes a particle, N.

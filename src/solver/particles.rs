@@ -26,11 +26,6 @@ impl Vectors {
         self.x.len()
     }
 
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.x.is_empty()
-    }
-
     /// The vector in slot `index`.
     #[inline]
     pub fn get(&self, index: usize) -> Vec3 {
@@ -46,7 +41,7 @@ impl Vectors {
     }
 
     /// Adds `value` to the vector in slot `index`.
-    #[inline]
+    #[cfg(test)]
     pub fn add(&mut self, index: usize, value: Vec3) {
         self.x[index] += value.x;
         self.y[index] += value.y;

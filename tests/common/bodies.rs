@@ -1,7 +1,7 @@
 //! Balls and planes in the pure solver.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{PairRules, Plane, Scheme, SolverState, StepSettings, step};
+use bevy_mass_spring::solver::{PairRules, Plane, Integrator, Solver, StepSettings};
 
 /// The acceleration of gravity in these tests, m/s².
 pub const GRAVITY: f32 = 9.81;
@@ -23,47 +23,47 @@ impl Ball {
 }
 
 /// A world of balls, without planes.
-pub fn world(balls: impl IntoIterator<Item = Ball>) -> SolverState {
-    let mut state = SolverState::default();
+pub fn world(balls: impl IntoIterator<Item = Ball>) -> Solver {
+    let mut state = Solver::default();
     for Ball { mass, radius, position, velocity } in balls {
-        state.particles.push(position, velocity, mass, radius);
+        state.add_particle(position, velocity, mass, radius).unwrap();
     }
     state
 }
 
 /// Adds the ground, y = 0.
-pub fn with_ground(mut state: SolverState, restitution: f32, friction: f32) -> SolverState {
-    state.contacts.planes.push(Plane::resting(Vec3::ZERO, Vec3::Y, restitution, friction));
+pub fn with_ground(mut state: Solver, restitution: f32, friction: f32) -> Solver {
+    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, restitution, friction));
     state
 }
 
 /// Ticks of 1/60 s under gravity; no ball collides with another.
-pub fn falling(scheme: Scheme, substeps: u32) -> StepSettings {
+pub fn falling(scheme: Integrator, substeps: u32) -> StepSettings {
     StepSettings { scheme, substeps, gravity: Vec3::NEG_Y * GRAVITY, ..StepSettings::default() }
 }
 
 /// Ticks of 1/60 s without gravity; balls collide.
-pub fn floating(scheme: Scheme, restitution: f32) -> StepSettings {
+pub fn floating(scheme: Integrator, restitution: f32) -> StepSettings {
     let pair_rules = Some(PairRules { restitution, friction: 0.0 });
     StepSettings { scheme, pair_rules, ..StepSettings::default() }
 }
 
 /// Steps until something has touched, at most `ticks` ticks.
-pub fn step_past_contact(state: &mut SolverState, settings: &StepSettings, ticks: u32) {
-    state.contacts.recording = true;
+pub fn step_past_contact(state: &mut Solver, settings: &StepSettings, ticks: u32) {
+    state.outputs_mut().record_contacts = true;
     for _ in 0..ticks {
-        step(state, settings);
-        if !state.contacts.records.is_empty() {
+        state.step(settings);
+        if !state.outputs().contacts.is_empty() {
             return;
         }
     }
     panic!("nothing touched within {ticks} ticks");
 }
 
-pub fn position(state: &SolverState, slot: usize) -> Vec3 {
-    state.particles.position.get(slot)
+pub fn position(state: &Solver, slot: usize) -> Vec3 {
+    state.position(slot)
 }
 
-pub fn velocity(state: &SolverState, slot: usize) -> Vec3 {
-    state.particles.velocity.get(slot)
+pub fn velocity(state: &Solver, slot: usize) -> Vec3 {
+    state.velocity(slot)
 }

@@ -47,7 +47,7 @@ pub fn run(app: &mut App, ticks: u32) {
 
 /// A scheme with a fixed number of substeps.
 pub fn scheme(integrator: Integrator, substeps: u32) -> SolverSettings {
-    SolverSettings { integrator, substeps: Substeps::Fixed(substeps) }
+    SolverSettings { integrator, substeps: SubstepMode::Fixed(substeps) }
 }
 
 /// The position of a particle without a parent.

@@ -4,7 +4,7 @@
 //! prescribed velocity is one whose acceleration is zero.
 
 use bevy::math::DVec3;
-use bevy_mass_spring::solver::{Scheme, SolverState};
+use bevy_mass_spring::solver::{Integrator, Solver};
 
 use super::backward_euler;
 
@@ -34,7 +34,7 @@ pub struct Reference {
 
 impl Reference {
     /// The solver's state as it is now, without gravity and viscosity.
-    pub fn of(state: &SolverState) -> Self {
+    pub fn of(state: &Solver) -> Self {
         let (particles, springs) = (&state.particles, &state.springs);
         let slots = 0..particles.len();
         Self {
@@ -80,30 +80,30 @@ impl Reference {
     }
 
     /// One step of `h` seconds.
-    pub fn step(&mut self, scheme: Scheme, h: f64) {
+    pub fn step(&mut self, scheme: Integrator, h: f64) {
         let (x, v) = (self.position.clone(), self.velocity.clone());
         let a = self.acceleration(&x, &v);
         match scheme {
-            Scheme::ExplicitEuler => {
+            Integrator::ExplicitEuler => {
                 self.position = sum(&x, h, &v);
                 self.velocity = sum(&v, h, &a);
             }
-            Scheme::SemiImplicitEuler => {
+            Integrator::SemiImplicitEuler => {
                 self.velocity = sum(&v, h, &a);
                 self.position = sum(&x, h, &self.velocity);
             }
-            Scheme::SecondOrderTaylor => {
+            Integrator::SecondOrderTaylor => {
                 self.position = sum(&sum(&x, h, &v), h * h / 2.0, &a);
                 self.velocity = sum(&v, h, &a);
             }
-            Scheme::VelocityVerlet => {
+            Integrator::VelocityVerlet => {
                 let a = self.carried_acceleration.take().unwrap_or(a);
                 self.position = sum(&sum(&x, h, &v), h * h / 2.0, &a);
                 let new_a = self.acceleration(&self.position, &sum(&v, h, &a));
                 self.velocity = sum(&sum(&v, h / 2.0, &a), h / 2.0, &new_a);
                 self.carried_acceleration = Some(new_a);
             }
-            Scheme::RungeKutta4 => {
+            Integrator::RungeKutta4 => {
                 let (v1, a1) = (&v, &a);
                 let v2 = &sum(&v, h / 2.0, a1);
                 let a2 = &self.acceleration(&sum(&x, h / 2.0, v1), v2);
@@ -117,8 +117,8 @@ impl Reference {
                 self.position = sum(&x, h / 6.0, &mean(v1, v2, v3, v4));
                 self.velocity = sum(&v, h / 6.0, &mean(a1, a2, a3, a4));
             }
-            Scheme::Xpbd => self.project_positions(h),
-            Scheme::ImplicitEuler => {
+            Integrator::Xpbd => self.project_positions(h),
+            Integrator::ImplicitEuler => {
                 self.position = backward_euler::solve(self, h);
                 self.velocity = sum(&self.position, -1.0, &x).iter().map(|moved| *moved / h).collect();
             }

@@ -48,7 +48,7 @@ fn the_defaults() {
     };
     assert_eq!(scene.environment, environment);
     let solver =
-        SceneSolver { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: Substeps::Auto };
+        SceneSolver { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: SubstepMode::Auto };
     assert_eq!(scene.solver, solver);
     let collisions = CollisionSettings { ground: true, particles: true, restitution: 0.0, friction: 0.0 };
     assert_eq!(scene.collisions, collisions);
@@ -65,7 +65,7 @@ fn a_section_may_be_written_in_part() {
     let text = "(environment: (viscosity: 0.5), solver: (substeps: Fixed(8)), collisions: (ground: false), particles: [])";
     let scene = MassSpringScene::from_ron(text).unwrap();
     assert_eq!(scene.environment.gravity.y, -9.81);
-    assert_eq!((scene.solver.time_step, scene.solver.substeps), (1.0 / 60.0, Substeps::Fixed(8)));
+    assert_eq!((scene.solver.time_step, scene.solver.substeps), (1.0 / 60.0, SubstepMode::Fixed(8)));
     assert!(scene.collisions.particles && !scene.collisions.ground);
 }
 

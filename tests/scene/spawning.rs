@@ -74,7 +74,7 @@ fn settings_become_resources() {
     let environment = world.resource::<Environment>();
     assert_eq!(environment.effective_gravity(), Vec3::new(0.0, 0.0, -1.6));
     assert_eq!(environment.effective_viscosity(), 0.5);
-    let settings = SolverSettings { integrator: Integrator::RungeKutta4, substeps: Substeps::Fixed(3) };
+    let settings = SolverSettings { integrator: Integrator::RungeKutta4, substeps: SubstepMode::Fixed(3) };
     assert_eq!(*world.resource::<SolverSettings>(), settings);
     let collisions = CollisionSettings { ground: false, particles: true, restitution: 0.25, friction: 0.75 };
     assert_eq!(*world.resource::<CollisionSettings>(), collisions);

@@ -2,8 +2,7 @@
 
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::SolverSettings;
-use bevy_mass_spring::solver::stability::FrequencyBounds;
-use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
+use bevy_mass_spring::solver::{self, Integrator, Solver, StepSettings};
 
 use crate::common::reference::Reference;
 
@@ -12,7 +11,7 @@ const GRAVITY: f64 = 9.81;
 /// One step of 1/60 s a tick, under gravity.
 fn settings() -> StepSettings {
     StepSettings {
-        scheme: Scheme::ImplicitEuler,
+        scheme: Integrator::ImplicitEuler,
         gravity: Vec3::NEG_Y * GRAVITY as f32,
         ..StepSettings::default()
     }
@@ -20,28 +19,28 @@ fn settings() -> StepSettings {
 
 /// `links` springs of 0.1 m and `stiffness` (which depends on their number), from a pinned particle at
 /// the origin along `direction`; particles of `mass`.
-fn chain(links: usize, direction: Vec3, mass: f32, stiffness: impl Fn(usize) -> f32) -> SolverState {
-    let mut state = SolverState::default();
-    state.particles.push(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0);
+fn chain(links: usize, direction: Vec3, mass: f32, stiffness: impl Fn(usize) -> f32) -> Solver {
+    let mut state = Solver::default();
+    state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     for link in 0..links {
-        state.particles.push(direction * 0.1 * (link + 1) as f32, Vec3::ZERO, mass, 0.0);
-        state.springs.push(link, link + 1, 0.1, stiffness(link), 0.0);
+        state.add_particle(direction * 0.1 * (link + 1) as f32, Vec3::ZERO, mass, 0.0).unwrap();
+        state.add_spring([link, link + 1], solver::Spring { rest_length: 0.1, stiffness: stiffness(link), damping: 0.0 }).unwrap();
     }
     state
 }
 
-fn run(state: &mut SolverState, settings: &StepSettings, ticks: u32) {
+fn run(state: &mut Solver, settings: &StepSettings, ticks: u32) {
     for _ in 0..ticks {
-        step(state, settings);
+        state.step(settings);
     }
 }
 
-fn position(state: &SolverState, slot: usize) -> DVec3 {
-    state.particles.position.get(slot).as_dvec3()
+fn position(state: &Solver, slot: usize) -> DVec3 {
+    state.position(slot).as_dvec3()
 }
 
 /// The pull of spring `index` on its second end, N.
-fn tension(state: &SolverState, index: usize) -> DVec3 {
+fn tension(state: &Solver, index: usize) -> DVec3 {
     let (first, second) = state.springs.ends(index);
     let separation = position(state, first) - position(state, second);
     let elongation = separation.length() - f64::from(state.springs.rest_length()[index]);
@@ -63,7 +62,7 @@ fn every_link_of_a_settled_chain_carries_what_hangs_below() {
 }
 
 /// *Small Steps in Physics Simulation* (2019): 1 kg links that carry 100,000 kg.
-fn heavy_chain(direction: Vec3) -> SolverState {
+fn heavy_chain(direction: Vec3) -> Solver {
     let mut state = chain(20, direction, 1.0, |_| 1e9);
     state.particles.inverse_mass[20] = 1e-5;
     state
@@ -85,7 +84,7 @@ fn a_hundred_tons_swing_as_a_pendulum() {
     let mut state = heavy_chain(Vec3::X);
     let (mut lowest, mut time) = (0.0, 0.0);
     for tick in 1..=70 {
-        step(&mut state, &settings());
+        state.step(&settings());
         if position(&state, 20).y < lowest {
             (lowest, time) = (position(&state, 20).y, f64::from(tick) / 60.0);
         }
@@ -100,8 +99,8 @@ fn a_stiff_strand_does_not_stretch() {
     let mut state = chain(20, Vec3::X, 0.1, |_| 1e8);
     state.particles.inverse_mass[20] = 1e-3;
     for tick in 1..=600 {
-        step(&mut state, &settings());
-        let stretch = energy::totals(&state, Vec3::ZERO).max_stretch;
+        state.step(&settings());
+        let stretch = state.measure(Vec3::ZERO).max_stretch;
         assert!(stretch < 0.02, "tick {tick}: {stretch}");
     }
 }
@@ -122,16 +121,16 @@ fn soft_and_stiff_links_share_one_horizontal_tension() {
 }
 
 /// A square net in the plane z = 0, `size` particles wide, 0.1 m apart, with diagonals.
-fn net(size: usize, mass: f32, stiffness: f32, damping: f32) -> SolverState {
-    let mut state = SolverState::default();
+fn net(size: usize, mass: f32, stiffness: f32, damping: f32) -> Solver {
+    let mut state = Solver::default();
     for slot in 0..size * size {
         let place = Vec3::new((slot % size) as f32, (slot / size) as f32, 0.0);
-        state.particles.push(0.1 * place, Vec3::ZERO, mass, 0.0);
+        state.add_particle(0.1 * place, Vec3::ZERO, mass, 0.0).unwrap();
     }
     for slot in 0..size * size {
         let (x, y) = (slot % size, slot / size);
         let mut join =
-            |other: usize, length: f32| state.springs.push(slot, other, length, stiffness, damping);
+            |other: usize, length: f32| state.add_spring([slot, other], solver::Spring { rest_length: length, stiffness: stiffness, damping: damping }).unwrap();
         if x + 1 < size {
             join(slot + 1, 0.1);
         }
@@ -149,11 +148,11 @@ fn net(size: usize, mass: f32, stiffness: f32, damping: f32) -> SolverState {
 }
 
 /// Moves the particles apart pseudo-randomly.
-fn shake(state: &mut SolverState, speed: f32) {
-    for slot in 0..state.particles.len() {
+fn shake(state: &mut Solver, speed: f32) {
+    for slot in 0..state.particle_count() {
         let phase = slot as f32;
         let velocity = Vec3::new((3.7 * phase).sin(), (5.1 * phase).cos(), (2.3 * phase + 1.0).sin());
-        state.particles.velocity.set(slot, velocity * speed);
+        state.set_velocity(slot, velocity * speed);
     }
 }
 
@@ -165,13 +164,13 @@ fn a_net_follows_the_equations_to_a_thousandth_of_the_step() {
         let mut state = net(4, 0.05, stiffness, 0.5);
         state.particles.inverse_mass[12] = 0.0;
         shake(&mut state, 0.3);
-        state.particles.velocity.set(12, Vec3::ZERO);
+        state.set_velocity(12, Vec3::ZERO);
         for tick in 0..40 {
             let mut reference = Reference::of(&state);
             reference.gravity = DVec3::NEG_Y * GRAVITY as f32 as f64;
             let start = reference.position.clone();
-            reference.step(Scheme::ImplicitEuler, f64::from(settings().time_step));
-            step(&mut state, &settings());
+            reference.step(Integrator::ImplicitEuler, f64::from(settings().time_step));
+            state.step(&settings());
             let square = |vectors: Vec<DVec3>| vectors.iter().map(|v| v.length_squared()).sum::<f64>();
             let slots = 0..16;
             let step = square(slots.clone().map(|slot| reference.position[slot] - start[slot]).collect());
@@ -188,10 +187,10 @@ fn a_free_stiff_net_keeps_its_momentum() {
     let mut state = net(10, 0.01, 1e7, 0.0);
     shake(&mut state, 2.0);
     let settings = StepSettings { gravity: Vec3::ZERO, ..settings() };
-    let start = energy::totals(&state, Vec3::ZERO).momentum;
-    let scale: f64 = (0..100).map(|slot| 0.01 * state.particles.velocity.get(slot).as_dvec3().length()).sum();
+    let start = state.measure(Vec3::ZERO).momentum;
+    let scale: f64 = (0..100).map(|slot| 0.01 * state.velocity(slot).as_dvec3().length()).sum();
     run(&mut state, &settings, 600);
-    let drift = (energy::totals(&state, Vec3::ZERO).momentum - start).length();
+    let drift = (state.measure(Vec3::ZERO).momentum - start).length();
     // Each velocity is rounded in each step: 600 · u of the speeds.
     assert!(drift < 600.0 * 6e-8 * scale, "{drift:e} of {scale}");
 }
@@ -200,12 +199,12 @@ fn a_free_stiff_net_keeps_its_momentum() {
 #[test]
 fn coincident_particles_and_springs_of_no_length() {
     for rest_length in [0.0, 0.1] {
-        let mut state = SolverState::default();
-        state.particles.push(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0);
-        state.particles.push(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0);
-        state.particles.push(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0);
+        let mut state = Solver::default();
+        state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
+        state.add_particle(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0).unwrap();
+        state.add_particle(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0).unwrap();
         for (first, second) in [(0, 1), (1, 2), (2, 0)] {
-            state.springs.push(first, second, rest_length, 1e6, 10.0);
+            state.add_spring([first, second], solver::Spring { rest_length: rest_length, stiffness: 1e6, damping: 10.0 }).unwrap();
         }
         let still = StepSettings { gravity: Vec3::ZERO, ..settings() };
         run(&mut state, &still, 3);
@@ -218,8 +217,8 @@ fn coincident_particles_and_springs_of_no_length() {
 }
 
 /// What `Auto` runs.
-fn automatic(state: &SolverState, time_step: f32) -> StepSettings {
-    let bounds = FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), 0.0);
+fn automatic(state: &Solver, time_step: f32) -> StepSettings {
+    let bounds = state.frequency_bounds(0.0);
     let (scheme, substeps) = SolverSettings::default().choose(&bounds, time_step);
     StepSettings { scheme, substeps, time_step, ..settings() }
 }
@@ -229,20 +228,20 @@ fn automatic(state: &SolverState, time_step: f32) -> StepSettings {
 fn sheet_gains_no_energy(stiffness: f32, time_step: f32) {
     let mut state = net(25, 0.01, stiffness, 0.0);
     for slot in 0..625 {
-        let Vec3 { x, y, .. } = state.particles.position.get(slot);
-        state.particles.position.set(slot, Vec3::new(x, 0.0, y));
+        let Vec3 { x, y, .. } = state.position(slot);
+        state.set_position(slot, Vec3::new(x, 0.0, y));
     }
     state.particles.inverse_mass[0] = 0.0;
     state.particles.inverse_mass[24] = 0.0;
     let settings = automatic(&state, time_step);
-    let total = |state: &SolverState| {
-        let totals = energy::totals(state, settings.gravity);
+    let total = |state: &Solver| {
+        let totals = state.measure(settings.gravity);
         totals.kinetic_energy + totals.elastic_energy + totals.gravitational_energy
     };
     let start = total(&state);
     let weight = 623.0 * 0.01 * GRAVITY;
     for tick in 1..=(6.0 / time_step) as u32 {
-        step(&mut state, &settings);
+        state.step(&settings);
         let gain = total(&state) - start;
         assert!(gain < 0.01 * weight, "{stiffness:e} N/m, {settings:?}, tick {tick}: {gain} J");
     }
@@ -272,20 +271,20 @@ fn a_sheet_gains_no_energy_at_any_stiffness() {
 /// A soft undamped pendulum, that swings from 60° and stretches by a fifth, keeps its energy.
 #[test]
 fn a_soft_pendulum_keeps_its_energy() {
-    let mut state = SolverState::default();
-    state.particles.push(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0);
-    state.particles.push(Vec3::new(0.75_f32.sqrt(), -0.5, 0.0), Vec3::ZERO, 1.0, 0.0);
-    state.springs.push(0, 1, 1.0, 50.0, 0.0);
+    let mut state = Solver::default();
+    state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
+    state.add_particle(Vec3::new(0.75_f32.sqrt(), -0.5, 0.0), Vec3::ZERO, 1.0, 0.0).unwrap();
+    state.add_spring([0, 1], solver::Spring { rest_length: 1.0, stiffness: 50.0, damping: 0.0 }).unwrap();
     let settings = automatic(&state, 1.0 / 60.0);
-    let total = |state: &SolverState| {
-        let totals = energy::totals(state, settings.gravity);
+    let total = |state: &Solver| {
+        let totals = state.measure(settings.gravity);
         totals.kinetic_energy + totals.elastic_energy + totals.gravitational_energy
     };
     // What it may lose: from the start down to hanging at rest, stretched by mg/k.
     let start = total(&state);
     let rest = -GRAVITY - 0.5 * GRAVITY * GRAVITY / 50.0;
     for tick in 1..=1200 {
-        step(&mut state, &settings);
+        state.step(&settings);
         // The energy of a symplectic scheme oscillates; it must not drift.
         let lost = (start - total(&state)) / (start - rest);
         assert!(lost.abs() < 0.05, "tick {tick}: {lost}");

@@ -3,28 +3,27 @@
 use bevy::math::Vec3;
 use bevy::prelude::{Entity, World};
 use bevy_mass_spring::prelude::{CollisionSettings, ParticleVelocity, Spring};
-use bevy_mass_spring::solver::stability::FrequencyBounds;
-use bevy_mass_spring::solver::{PairRules, Scheme, SolverState, StepSettings, energy, step};
+use bevy_mass_spring::solver::{self, PairRules, Integrator, Solver, StepSettings};
 
 use crate::common::bodies::{Ball, GRAVITY, floating, position, velocity, world};
 use crate::common::{self, app, join, plain, run, spawn};
 
 /// The chain of `assets/scenes/chain.scene.ron` with other radii.
-fn chain(radius: f32) -> SolverState {
+fn chain(radius: f32) -> Solver {
     let mut state = world((0..20_u16).map(|number| Ball {
         mass: if number == 0 { f32::INFINITY } else { 0.05 },
         radius,
         ..Ball::at(Vec3::Y * 3.0 + Vec3::new(0.08, -0.06, 0.0) * f32::from(number))
     }));
     for number in 1..20 {
-        state.springs.push(number - 1, number, 0.1, 2000.0, 0.5);
+        state.add_spring([number - 1, number], solver::Spring { rest_length: 0.1, stiffness: 2000.0, damping: 0.5 }).unwrap();
     }
     state
 }
 
 /// A net of 10 by 10 balls without diagonal springs, `stretch` times as wide as at rest, held at two
 /// corners: nothing but contacts keeps the diagonals of its meshes apart.
-fn net(radius: f32, stretch: f32) -> SolverState {
+fn net(radius: f32, stretch: f32) -> Solver {
     let size = 10_usize;
     let mut state = world((0..size * size).map(|number| {
         let (row, column) = (number / size, number % size);
@@ -36,19 +35,19 @@ fn net(radius: f32, stretch: f32) -> SolverState {
     }));
     for number in 0..size * size {
         if number % size > 0 {
-            state.springs.push(number - 1, number, 0.1, 1000.0, 0.5);
+            state.add_spring([number - 1, number], solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 }).unwrap();
         }
         if number >= size {
-            state.springs.push(number - size, number, 0.1, 1000.0, 0.5);
+            state.add_spring([number - size, number], solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 }).unwrap();
         }
     }
     state
 }
 
 /// What `Auto` does with the state, in air of 0.005 N·s/m.
-fn automatic(state: &SolverState) -> StepSettings {
-    let (viscosity, scheme) = (0.005, Scheme::SemiImplicitEuler);
-    let bounds = FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), viscosity);
+fn automatic(state: &Solver) -> StepSettings {
+    let (viscosity, scheme) = (0.005, Integrator::SemiImplicitEuler);
+    let bounds = state.frequency_bounds(viscosity);
     StepSettings {
         scheme,
         substeps: bounds.auto_substeps(scheme, 1.0 / 60.0),
@@ -65,20 +64,20 @@ fn automatic(state: &SolverState) -> StepSettings {
 /// g √(2 T M) for the weight of the whole mass M.
 ///
 /// Returns the mean kinetic energies of the first and of the last 5 s.
-fn mean_kinetic_energies(mut state: SolverState, case: &str) -> [f64; 2] {
+fn mean_kinetic_energies(mut state: Solver, case: &str) -> [f64; 2] {
     let settings = automatic(&state);
     let substep = f64::from(settings.time_step) / f64::from(settings.substeps);
     let masses = state.particles.inverse_mass.iter().filter(|inverse| **inverse > 0.0);
     let mass: f64 = masses.map(|inverse| 1.0 / f64::from(*inverse)).sum();
-    let totals = |state: &SolverState| {
-        let totals = energy::totals(state, settings.gravity);
+    let totals = |state: &Solver| {
+        let totals = state.measure(settings.gravity);
         let sum = totals.kinetic_energy + totals.elastic_energy + totals.gravitational_energy;
         (sum, totals.kinetic_energy, totals.elastic_energy)
     };
     let (start, ..) = totals(&state);
     let mut kinetic_energies = Vec::new();
     for tick in 0..1200 {
-        step(&mut state, &settings);
+        state.step(&settings);
         let (sum, kinetic, elastic) = totals(&state);
         let swapped =
             (kinetic * elastic).sqrt() + 0.5 * substep * f64::from(GRAVITY) * (2.0 * kinetic * mass).sqrt();
@@ -119,21 +118,21 @@ fn a_net_that_contracts_gains_no_energy() {
 }
 
 /// Two balls of radius 0.1 m, 0.3 m apart, that approach with 1 m/s each, joined by a spring.
-fn joined_pair(rest_length: f32, radius: f32) -> SolverState {
+fn joined_pair(rest_length: f32, radius: f32) -> Solver {
     let mut state = world([-1.0_f32, 1.0].map(|side| Ball {
         radius,
         velocity: Vec3::X * -side,
         ..Ball::at(Vec3::X * 0.15 * side)
     }));
-    state.springs.push(0, 1, rest_length, 100.0, 0.0);
+    state.add_spring([0, 1], solver::Spring { rest_length: rest_length, stiffness: 100.0, damping: 0.0 }).unwrap();
     state
 }
 
 /// The closest that the centres come in 2 s.
-fn closest(state: &mut SolverState) -> f32 {
+fn closest(state: &mut Solver) -> f32 {
     let mut closest = f32::INFINITY;
     for _ in 0..120 {
-        step(state, &floating(Scheme::SemiImplicitEuler, 0.0));
+        state.step(&floating(Integrator::SemiImplicitEuler, 0.0));
         closest = closest.min(position(state, 0).distance(position(state, 1)));
     }
     closest
@@ -159,22 +158,22 @@ fn a_pair_collides_unless_its_spring_is_shorter() {
 fn overlaps_held_by_springs_are_not_pushed_apart() {
     let anchor = |x: f32| Ball { mass: f32::INFINITY, radius: 0.0, ..Ball::at(Vec3::X * x) };
     let mut state = world([anchor(-1.0), anchor(1.0), Ball::at(Vec3::X * -0.05), Ball::at(Vec3::X * 0.05)]);
-    state.springs.push(0, 2, 0.95, 100.0, 5.0);
-    state.springs.push(1, 3, 0.95, 100.0, 5.0);
+    state.add_spring([0, 2], solver::Spring { rest_length: 0.95, stiffness: 100.0, damping: 5.0 }).unwrap();
+    state.add_spring([1, 3], solver::Spring { rest_length: 0.95, stiffness: 100.0, damping: 5.0 }).unwrap();
     let places = state.particles.position.clone();
-    let settings = floating(Scheme::SemiImplicitEuler, 0.0);
+    let settings = floating(Integrator::SemiImplicitEuler, 0.0);
     for _ in 0..60 {
-        step(&mut state, &settings);
+        state.step(&settings);
     }
     assert_eq!(state.particles.position, places, "the springs are at rest");
 
-    state.particles.velocity.set(3, Vec3::X * 3.0);
-    let distance = |state: &SolverState| position(state, 2).distance(position(state, 3));
+    state.set_velocity(3, Vec3::X * 3.0);
+    let distance = |state: &Solver| position(state, 2).distance(position(state, 3));
     let (mut apart, mut contacts) = (false, 0);
     for _ in 0..300 {
-        step(&mut state, &settings);
+        state.step(&settings);
         apart |= distance(&state) > 0.2;
-        contacts += state.contacts.count();
+        contacts += state.outputs().contact_count;
     }
     assert!(apart && contacts > 0, "{contacts} contacts");
     assert!(distance(&state) > 0.2 * 0.99, "{} m apart at the end", distance(&state));

@@ -3,8 +3,7 @@
 use bevy::math::{DVec3, Vec3};
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::stability::FrequencyBounds;
-use bevy_mass_spring::solver::{Scheme, SolverState, StepSettings, energy, step};
+use bevy_mass_spring::solver::{self, Integrator, Solver, StepSettings};
 use proptest::prelude::*;
 
 use crate::common::{self, app, hash, run};
@@ -50,37 +49,37 @@ impl Net {
     }
 
     /// The net in the solver, its particle `slot` in the place `order[slot]`, moved by `shift`.
-    fn state(&self, order: &[usize], shift: Vec3) -> SolverState {
-        let mut state = SolverState::default();
+    fn state(&self, order: &[usize], shift: Vec3) -> Solver {
+        let mut state = Solver::default();
         let mut by_place: Vec<_> = order.iter().zip(&self.particles).collect();
         by_place.sort_by_key(|(place, _)| **place);
         for (_, (position, velocity, mass)) in by_place {
-            state.particles.push(*position + shift, *velocity, *mass, 0.0);
+            state.add_particle(*position + shift, *velocity, *mass, 0.0).unwrap();
         }
         for link in &self.links {
             let (first, second, _, stiffness, damping) = *link;
-            state.springs.push(order[first], order[second], self.rest_length(link), stiffness, damping);
+            state.add_spring([order[first], order[second]], solver::Spring { rest_length: self.rest_length(link), stiffness: stiffness, damping: damping }).unwrap();
         }
         state
     }
 
-    fn plain_state(&self) -> SolverState {
+    fn plain_state(&self) -> Solver {
         self.state(&(0..self.particles.len()).collect::<Vec<_>>(), Vec3::ZERO)
     }
 }
 
-fn bounds(state: &SolverState) -> FrequencyBounds {
-    FrequencyBounds::of(&state.particles.inverse_mass, state.springs.listed(), 0.0)
+fn bounds(state: &Solver) -> FrequencyBounds {
+    state.frequency_bounds(0.0)
 }
 
 /// Settings with the step h for which hω is `share`; at most 1/60 s.
-fn resolved(state: &SolverState, share: f64) -> StepSettings {
+fn resolved(state: &Solver, share: f64) -> StepSettings {
     let time_step = (share / bounds(state).angular_frequency).min(1.0 / 60.0) as f32;
-    StepSettings { scheme: Scheme::SemiImplicitEuler, time_step, ..StepSettings::default() }
+    StepSettings { scheme: Integrator::SemiImplicitEuler, time_step, ..StepSettings::default() }
 }
 
 /// Σ of the pulls of all springs, N, in f64 and without a sign.
-fn sum_of_pulls(state: &SolverState) -> f64 {
+fn sum_of_pulls(state: &Solver) -> f64 {
     let pull = |index| {
         let (first, second) = state.springs.ends(index);
         let of = |vectors: &bevy_mass_spring::solver::Vectors| {
@@ -92,10 +91,10 @@ fn sum_of_pulls(state: &SolverState) -> f64 {
         let damping = f64::from(state.springs.damping()[index]) * velocity.length();
         f64::from(state.springs.stiffness()[index]) * elongation + damping
     };
-    (0..state.springs.len()).map(pull).sum()
+    (0..state.spring_count()).map(pull).sum()
 }
 
-fn sum_of_momenta(state: &SolverState) -> f64 {
+fn sum_of_momenta(state: &Solver) -> f64 {
     let particles = &state.particles;
     let of = |slot: usize| {
         particles.velocity.get(slot).as_dvec3().length() / f64::from(particles.inverse_mass[slot])
@@ -112,14 +111,14 @@ proptest! {
     fn momentum_is_conserved(net in nets(0.1..10.0, 1.0..5000.0)) {
         let mut state = net.plain_state();
         let settings = resolved(&state, 0.5);
-        let start = energy::totals(&state, Vec3::ZERO).momentum;
+        let start = state.measure(Vec3::ZERO).momentum;
         let mut tolerance = 0.0;
         for _ in 0..300 {
             let pulls = sum_of_pulls(&state);
-            step(&mut state, &settings);
+            state.step(&settings);
             let rounding = sum_of_momenta(&state) + f64::from(settings.time_step) * 60.0 * pulls;
             tolerance += 3.0_f64.sqrt() * ROUNDING * rounding;
-            let drift = energy::totals(&state, Vec3::ZERO).momentum - start;
+            let drift = state.measure(Vec3::ZERO).momentum - start;
             prop_assert!(drift.length() <= tolerance, "{} exceeds {tolerance}", drift.length());
         }
     }
@@ -132,13 +131,13 @@ proptest! {
     fn damped_nets_never_gain_energy(net in nets(0.1..10.0, 1.0..5000.0)) {
         let mut state = net.plain_state();
         let settings = resolved(&state, 0.02);
-        let total = |state: &SolverState| {
-            let totals = energy::totals(state, Vec3::ZERO);
+        let total = |state: &Solver| {
+            let totals = state.measure(Vec3::ZERO);
             totals.kinetic_energy + totals.elastic_energy
         };
         let start = total(&state);
         for tick in 0..1000 {
-            step(&mut state, &settings);
+            state.step(&settings);
             let now = total(&state);
             prop_assert!(now <= 1.03 * start, "tick {tick}: {now} J of {start} J");
         }
@@ -160,12 +159,12 @@ proptest! {
         let (mut plain, mut moved) = (net.plain_state(), reversed.state(&order, shift));
         let settings = resolved(&plain, 0.05);
         for _ in 0..40 {
-            step(&mut plain, &settings);
-            step(&mut moved, &settings);
+            plain.step(&settings);
+            moved.step(&settings);
         }
         let tolerance = (40.0 * ROUNDING * 20.0 * 1.1_f64.powi(40)) as f32;
         for (slot, place) in order.iter().enumerate() {
-            let difference = moved.particles.position.get(*place) - shift - plain.particles.position.get(slot);
+            let difference = moved.position(*place) - shift - plain.position(slot);
             prop_assert!(difference.length() < tolerance, "{difference} exceeds {tolerance}");
         }
     }
@@ -207,7 +206,7 @@ proptest! {
         let all = spawn_net(&mut app, &net, pins, 0);
         let mass: f64 = net.particles.iter().map(|(.., mass)| f64::from(*mass)).sum();
         let lightest = net.particles.iter().map(|(.., mass)| f64::from(*mass)).fold(f64::MAX, f64::min);
-        let start = energy::totals(&net.plain_state(), Vec3::ZERO);
+        let start = net.plain_state().measure(Vec3::ZERO);
         // Nothing can fall by more than the 3 m from the top of the net to the ground, and what hangs
         // from a pin by as much again.
         let fall = mass * 9.81 * 6.0;
