@@ -27,8 +27,8 @@ impl Simulation {
         let settings = SolverSettings { integrator, substeps };
         let (scheme, substeps) = settings.choose(&net.frequency_bounds(), time_step);
         let settings = StepSettings {
-            scheme,
-            substeps,
+            integrator: scheme,
+            substeps: SubstepMode::Fixed(substeps),
             time_step,
             gravity: gravity(),
             viscosity: net.viscosity as f32,

@@ -57,5 +57,5 @@ pub use settings::{Integrator, StepSettings, SubstepMode, UnknownIntegrator};
 pub use stability::{FrequencyBounds, MAX_SUBSTEPS, Plan};
 pub use state::State;
 pub(crate) use state::Version;
-pub use step::{Inputs, PinnedMotion};
 pub(crate) use step::{Caches, step};
+pub use step::{Inputs, PinnedMotion};

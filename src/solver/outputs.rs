@@ -53,7 +53,8 @@ impl Outputs {
             let sum = &mut forces[slot];
             *sum = if sum.is_nan() { force } else { *sum + force };
         });
-        let pinned = (0..particles.len()).filter(|slot| particles.is_pinned(*slot) && !forces[*slot].is_nan());
+        let pinned =
+            (0..particles.len()).filter(|slot| particles.is_pinned(*slot) && !forces[*slot].is_nan());
         reactions.extend(pinned.map(|slot| (slot, forces[slot].as_vec3())));
     }
 }

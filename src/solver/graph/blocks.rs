@@ -133,7 +133,8 @@ impl Blocks {
             return;
         }
         let only_springs = elements.len() == elements.springs().len();
-        let can_update = elements.lists_edits_since(self.version) && only_springs && excluded == Version::default();
+        let can_update =
+            elements.lists_edits_since(self.version) && only_springs && excluded == Version::default();
         if can_update && self.excluded == excluded && !self.blocks.is_empty() {
             self.update(elements.springs(), elements.sorted_particles(), count);
         } else {
@@ -380,7 +381,8 @@ impl Block {
         let spring_of = |entry: &Entry| springs.elements()[entry.spring as usize];
         let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
         let consecutive = |one: &Entry, next: &Entry| {
-            (one.tile, one.owned, one.offset, one.lower + 1) == (next.tile, next.owned, next.offset, next.lower)
+            (one.tile, one.owned, one.offset, one.lower + 1)
+                == (next.tile, next.owned, next.offset, next.lower)
         };
         let groups = || entries.chunk_by(consecutive);
         for group in groups().filter(|group| group.len() >= MIN_RUN) {
@@ -436,7 +438,10 @@ mod tests {
         let mut listed = Vec::new();
         let mut list = |[lower, upper]: [u32; 2], owned: [bool; 2], rest_length: f32| {
             let owned = owned.iter().filter(|owned| **owned).count();
-            listed.extend(std::iter::repeat_n((lower.min(upper), lower.max(upper), rest_length.to_bits()), owned));
+            listed.extend(std::iter::repeat_n(
+                (lower.min(upper), lower.max(upper), rest_length.to_bits()),
+                owned,
+            ));
         };
         for block in &blocks.blocks {
             for run in &block.runs {
@@ -521,7 +526,9 @@ mod tests {
         };
         let (mut alone, mut beside) = (Elements::default(), Elements::default());
         rope(&mut alone, 0);
-        (1..40).for_each(|slot| drop(beside.push([slot - 1, slot], spring(0.1))));
+        for slot in 1..40 {
+            beside.push([slot - 1, slot], spring(0.1));
+        }
         rope(&mut beside, 40);
         let alone = Blocks::of(alone, &particles(5000));
         let beside = Blocks::of(beside, &particles(5040));

@@ -53,7 +53,8 @@ impl Colouring {
         });
         coloured.sort_unstable();
         self.block_ends.clear();
-        self.block_ends.extend((0..count).map(|block| coloured.partition_point(|(found, ..)| *found <= block)));
+        self.block_ends
+            .extend((0..count).map(|block| coloured.partition_point(|(found, ..)| *found <= block)));
         self.elements.clear();
         self.elements.extend(coloured.into_iter().map(|(.., entry)| entry));
     }

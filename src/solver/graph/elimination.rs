@@ -144,7 +144,8 @@ impl Elimination {
     fn sort_elements(&mut self, members: &[Linked], nodes: &[u32]) {
         let (trees, free) = (self.trees as u32, self.free as u32);
         let in_nodes = members.iter().map(|member| member.map_ends(|slot| nodes[slot as usize]));
-        let (mut pairs, compounds): (Vec<Linked>, Vec<Linked>) = in_nodes.partition(|member| member.count == 2);
+        let (mut pairs, compounds): (Vec<Linked>, Vec<Linked>) =
+            in_nodes.partition(|member| member.count == 2);
         self.compounds = compounds;
         for pair in &mut pairs {
             pair.ends[..2].sort_unstable();
@@ -255,7 +256,10 @@ mod tests {
     #[test]
     fn the_ends_of_a_compound_are_in_the_core() {
         let all = eliminations(&[[0, 1], [1, 2], [2, 3], [3, 4]], &[[1, 2, 3]], &[0.0, 1.0, 1.0, 1.0, 1.0]);
-        assert_eq!((all[0].slots.clone(), all[0].trees, all[0].parents.clone()), (vec![4, 1, 2, 3, 0], 1, vec![3]));
+        assert_eq!(
+            (all[0].slots.clone(), all[0].trees, all[0].parents.clone()),
+            (vec![4, 1, 2, 3, 0], 1, vec![3])
+        );
         assert_eq!(all[0].compounds, [Linked::new(4, &[1, 2, 3])]);
     }
 }

@@ -57,15 +57,11 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let motion = Motion::of(particles);
     let written = blocks.split(other_acceleration.axes_mut()).zip(blocks.split(other_velocity.axes_mut()));
     let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(written);
-    parallel::for_each(
-        parts,
-        is_shared,
-        |((block, predicted_acceleration), (acceleration, velocity))| {
-            let predicted_acceleration = predicted_acceleration.map(|axis| &*axis);
-            let accelerate = Accelerate { block, motion, field: *field, acceleration };
-            kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
-        },
-    );
+    parallel::for_each(parts, is_shared, |((block, predicted_acceleration), (acceleration, velocity))| {
+        let predicted_acceleration = predicted_acceleration.map(|axis| &*axis);
+        let accelerate = Accelerate { block, motion, field: *field, acceleration };
+        kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
+    });
     std::mem::swap(&mut particles.velocity, other_velocity);
     std::mem::swap(*acceleration, other_acceleration);
     scratch.carried = Carried::Accelerations;

@@ -132,7 +132,8 @@ impl Compound {
     pub fn core_ends(&self, elimination: &Elimination) -> impl Iterator<Item = (usize, f64)> {
         let core = elimination.trees..elimination.free;
         let ends = self.nodes.ends().iter().map(|node| *node as usize).zip(self.weights);
-        ends.filter(move |(node, _)| core.contains(node)).map(|(node, weight)| (node - elimination.trees, weight))
+        ends.filter(move |(node, _)| core.contains(node))
+            .map(|(node, weight)| (node - elimination.trees, weight))
     }
 }
 
