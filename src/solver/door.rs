@@ -6,10 +6,11 @@ use super::collision::Plane;
 use super::elements::Spring;
 use super::energy::{Measurements, measure};
 use super::outputs::Outputs;
+use super::particles::PinnedMotion;
 use super::settings::StepSettings;
 use super::stability::{FrequencyBounds, Plan};
 use super::state::State;
-use super::step::{Caches, Inputs, PinnedMotion, step};
+use super::step::{Caches, Inputs, step};
 
 /// Particles joined by springs, without Bevy's ECS.
 ///
