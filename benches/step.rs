@@ -264,7 +264,11 @@ fn nets(criterion: &mut Criterion) {
         let mut world = naive::World::of(&net);
         group.bench_function("naive", |bencher| bencher.iter(|| black_box(&mut world).tick()));
         let (mut state, settings) = (net.solver_state(), settings());
-        group.bench_function("solver", |bencher| bencher.iter(|| black_box(&mut state).step(&settings)));
+        group.bench_function("solver", |bencher| {
+            bencher.iter(|| {
+                black_box(&mut state).step(&settings);
+            })
+        });
         let mut app = net.app();
         group.bench_function("tick", |bencher| bencher.iter(|| app.update()));
         group.finish();
@@ -319,7 +323,7 @@ fn balls(criterion: &mut Criterion) {
                 || state.clone(),
                 |state| {
                     for _ in 0..10 {
-                        black_box(state).step(&settings);
+                        black_box(&mut *state).step(&settings);
                     }
                 },
                 criterion::BatchSize::LargeInput,
