@@ -4,6 +4,7 @@
 //! (`logging`), the allocator (`allocations`), a display (`window`).
 
 mod ambiguity;
+mod caches;
 mod collisions;
 #[path = "../common/mod.rs"]
 mod common;
