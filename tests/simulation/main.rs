@@ -11,6 +11,7 @@ mod common;
 mod control;
 mod energy;
 mod implicit_euler;
+mod islands;
 mod lifecycle;
 mod mixture;
 mod overlap;
