@@ -24,3 +24,5 @@ mod properties;
 mod reflection;
 mod resting;
 mod schemes;
+mod snapshots;
+mod stage;
