@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 
-use crate::common::{run, spawn};
+use crate::common::{app, run, spawn};
 use crate::stage::{Scene, Stage};
 
 const TAKEN: u32 = 40;
@@ -107,7 +107,15 @@ fn what_was_just_despawned_means_nothing_elsewhere() {
         let mut stage = start(Stage::new(scene, Integrator::Auto));
         let snapshot = Snapshot::take(stage.app.world());
         let expected = stage.follow(FOLLOWED);
-        for mut other in [Stage::new(scene, Integrator::Auto), Stage::elsewhere(scene, Integrator::Auto)] {
+        // With other numbers of entities: what is dead here may be alive there.
+        let shifted = (0..4).map(|count| {
+            let mut app = app();
+            for _ in 0..count {
+                app.world_mut().spawn_empty();
+            }
+            Stage::in_app(app, scene, Integrator::Auto)
+        });
+        for mut other in shifted.chain([Stage::elsewhere(scene, Integrator::Auto)]) {
             // The game there does the same, and the simulation has taken note of it.
             other = start(other);
             assert_eq!(snapshot.restore_in_order(other.app.world_mut()), Ok(()));
