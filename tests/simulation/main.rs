@@ -23,6 +23,7 @@ mod properties;
 #[cfg(feature = "scene")]
 mod reflection;
 mod resting;
+mod rollback;
 mod schemes;
 mod snapshots;
 mod stage;

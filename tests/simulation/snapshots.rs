@@ -45,7 +45,7 @@ fn a_snapshot_restores_all_that_matters() {
 /// Changes everything that a snapshot holds, but for despawning.
 fn disturb(stage: &mut Stage) {
     let world = stage.app.world_mut();
-    for (number, &particle) in stage.particles.iter().enumerate() {
+    for (number, &particle) in stage.names.particles.iter().enumerate() {
         let mut entity = world.entity_mut(particle);
         match number % 6 {
             0 => entity.get_mut::<Particle>().expect("it is one").mass *= 3.0,
@@ -65,7 +65,7 @@ fn disturb(stage: &mut Stage) {
             }
         }
     }
-    for (number, &spring) in stage.springs.iter().enumerate() {
+    for (number, &spring) in stage.names.springs.iter().enumerate() {
         let Some(mut spring) = world.get_mut::<Spring>(spring) else { continue };
         match number % 4 {
             0 => spring.stiffness *= 0.5,
@@ -85,7 +85,7 @@ fn a_snapshot_fits_into_another_app() {
         let snapshot = Snapshot::take(stage.app.world());
         let expected = stage.follow(FOLLOWED);
         let mut other = Stage::elsewhere(scene, integrator);
-        assert_ne!(other.particles, stage.particles);
+        assert_ne!(other.names.particles, stage.names.particles);
         other.run_to(scene.settled_at());
         assert_eq!(snapshot.restore_in_order(other.app.world_mut()), Ok(()), "{what}");
         back(&mut other).assert_follows(&expected, what);
@@ -97,9 +97,9 @@ fn a_snapshot_fits_into_another_app() {
 fn what_was_just_despawned_means_nothing_elsewhere() {
     let start = |mut stage: Stage| {
         stage.run_to(10);
-        let particle = stage.particles.remove(4);
+        let particle = stage.names.particles.remove(4);
         stage.app.world_mut().despawn(particle);
-        let spring = stage.springs.remove(0);
+        let spring = stage.names.springs.remove(0);
         stage.app.world_mut().despawn(spring);
         stage
     };
@@ -148,11 +148,11 @@ fn a_snapshot_of_another_scene_is_refused() {
     let mut stage = Stage::new(Scene::PileWithSprings, Integrator::Auto);
     stage.run_to(5);
     let snapshot = Snapshot::take(stage.app.world());
-    let counts = [stage.particles.len(), stage.springs.len(), 2];
+    let counts = [stage.names.particles.len(), stage.names.springs.len(), 2];
     for (index, what) in ["particles", "springs", "planes"].into_iter().enumerate() {
         let [mut other, mut undisturbed] = [(); 2].map(|()| {
             let mut other = Stage::new(Scene::PileWithSprings, Integrator::Auto);
-            let (first, second) = (other.particles[0], other.particles[20]);
+            let (first, second) = (other.names.particles[0], other.names.particles[20]);
             let world = other.app.world_mut();
             match index {
                 0 => world.spawn((Particle::default(), Transform::from_xyz(9.0, 9.0, 9.0))),
@@ -184,14 +184,14 @@ fn restoring_leaves_later_entities_alone() {
     snapshot.restore(stage.app.world_mut());
     assert_eq!(crate::common::bits(&stage.app, late), fallen);
     back(&mut stage).assert_follows(&expected, "with one more particle");
-    assert_eq!(crate::common::report(&stage.app).particles, stage.particles.len() + 1);
-    let left = stage.particles.pop().expect("there are some");
+    assert_eq!(crate::common::report(&stage.app).particles, stage.names.particles.len() + 1);
+    let left = stage.names.particles.pop().expect("there are some");
     stage.app.world_mut().despawn(left);
     run(&mut stage.app, 1);
     snapshot.restore(stage.app.world_mut());
     run(&mut stage.app, 1);
-    assert_eq!(crate::common::report(&stage.app).particles, stage.particles.len() + 1);
-    assert_eq!(crate::common::report(&stage.app).springs, stage.springs.len() - 1);
+    assert_eq!(crate::common::report(&stage.app).particles, stage.names.particles.len() + 1);
+    assert_eq!(crate::common::report(&stage.app).springs, stage.names.springs.len() - 1);
 }
 
 #[cfg(feature = "interpolation")]

@@ -1,5 +1,6 @@
 //! Scenes that move and change while they run, in the same way in each app.
 
+use bevy::ecs::entity::MapEntities;
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 
@@ -44,15 +45,24 @@ impl Scene {
     }
 }
 
+/// The entities of a scene, in the order of spawning.
+#[derive(Debug, Clone, Default, MapEntities)]
+pub struct Names {
+    #[entities]
+    pub particles: Vec<Entity>,
+    #[entities]
+    pub springs: Vec<Entity>,
+    #[entities]
+    planes: Vec<Entity>,
+    #[entities]
+    parent: Option<Entity>,
+}
+
 /// A scene in an app.
 pub struct Stage {
     pub app: App,
     scene: Scene,
-    /// Particles in the order of spawning.
-    pub particles: Vec<Entity>,
-    pub springs: Vec<Entity>,
-    planes: Vec<Entity>,
-    parent: Option<Entity>,
+    pub names: Names,
     /// Number of ticks that have run.
     pub tick: u32,
 }
@@ -89,8 +99,7 @@ impl Stage {
         app.insert_resource(settings);
         *app.world_mut().resource_mut::<CollisionSettings>() =
             CollisionSettings { restitution: 0.2, friction: 0.4, ..default() };
-        let (particles, springs, planes) = default();
-        let mut stage = Self { app, scene, particles, springs, planes, parent: None, tick: 0 };
+        let mut stage = Self { app, scene, names: Names::default(), tick: 0 };
         stage.spawn();
         stage
     }
@@ -100,7 +109,7 @@ impl Stage {
             Scene::Ropes => {
                 self.rope(Vec3::Y * 2.0, 12, 300.0);
                 self.rope(Vec3::new(0.0, 1.0, 1.0), 9, 500.0);
-                let last = *self.particles.last().expect("there is one");
+                let last = *self.names.particles.last().expect("there is one");
                 self.app.world_mut().entity_mut(last).insert(Pinned);
             }
             Scene::Parent => self.family(),
@@ -113,7 +122,7 @@ impl Stage {
             Scene::TwoSchemes => {
                 self.pile(8);
                 self.rope(Vec3::new(0.2, 0.8, 0.2), 10, 300.0);
-                let anchor = self.particles[8];
+                let anchor = self.names.particles[8];
                 self.hang(anchor, Vec3::new(-0.1, 0.8, 0.2), Vec3::NEG_X, 10, 1e8);
             }
         }
@@ -121,13 +130,13 @@ impl Stage {
 
     fn particle(&mut self, mass: f32, radius: f32, position: Vec3) -> Entity {
         let particle = spawn(&mut self.app, mass, radius, position);
-        self.particles.push(particle);
+        self.names.particles.push(particle);
         particle
     }
 
     fn spring(&mut self, first: Entity, second: Entity, length: f32, stiffness: f32) {
         let spring = Spring::new(first, second, length).with_stiffness(stiffness).with_damping(0.2);
-        self.springs.push(join(&mut self.app, spring));
+        self.names.springs.push(join(&mut self.app, spring));
     }
 
     fn hang(&mut self, anchor: Entity, start: Vec3, direction: Vec3, count: usize, stiffness: f32) {
@@ -141,13 +150,13 @@ impl Stage {
 
     fn rope(&mut self, start: Vec3, count: usize, stiffness: f32) {
         let anchor = spawn_pinned(&mut self.app, start);
-        self.particles.push(anchor);
+        self.names.particles.push(anchor);
         self.hang(anchor, start + Vec3::X * 0.1, Vec3::X, count, stiffness);
     }
 
     fn family(&mut self) {
         let parent = self.app.world_mut().spawn(Transform::default()).id();
-        self.parent = Some(parent);
+        self.names.parent = Some(parent);
         let child = self.particle(1.0, 0.05, Vec3::X);
         self.app.world_mut().entity_mut(child).insert((Pinned, ChildOf(parent)));
         let free = self.particle(1.0, 0.05, Vec3::X * 1.5);
@@ -162,7 +171,7 @@ impl Stage {
             Transform::from_xyz(-0.15, 0.0, 0.0).with_rotation(Quat::from_rotation_z(-1.5)),
         ] {
             let plane = PlaneCollider { restitution: 0.2, friction: 0.4 };
-            self.planes.push(self.app.world_mut().spawn((plane, transform)).id());
+            self.names.planes.push(self.app.world_mut().spawn((plane, transform)).id());
         }
         for ball in 0..count {
             let [column, row, layer] = [ball % 3, ball / 3 % 3, ball / 9].map(f32::from);
@@ -173,14 +182,14 @@ impl Stage {
     }
 
     fn net(&mut self, corner: Vec3, side: usize) {
-        let first = self.particles.len();
+        let first = self.names.particles.len();
         for number in 0..side * side {
             let (column, row) = (number % side, number / side);
             let place = corner + Vec3::new(column as f32, 0.0, row as f32) * 0.1;
             let next = self.particle(0.05, 0.04, place);
             for (exists, back) in [(column > 0, 1), (row > 0, side)] {
                 if exists {
-                    self.spring(self.particles[first + number - back], next, 0.1, 100.0);
+                    self.spring(self.names.particles[first + number - back], next, 0.1, 100.0);
                 }
             }
         }
@@ -191,15 +200,15 @@ impl Stage {
         let tick = self.tick;
         let around = (tick % 40) as f32 / 40.0;
         let (sin, cos) = bevy::math::ops::sin_cos(around * std::f32::consts::TAU);
-        if let (Scene::Ropes, Some(&anchor)) = (self.scene, self.particles.first()) {
+        if let (Scene::Ropes, Some(&anchor)) = (self.scene, self.names.particles.first()) {
             common::place(&mut self.app, anchor, Vec3::new(0.2 * sin, 2.0 + 0.1 * cos, 0.0));
         }
-        if let Some(parent) = self.parent {
+        if let Some(parent) = self.names.parent {
             let mut transform = self.app.world_mut().get_mut::<Transform>(parent).expect("it is there");
             *transform = Transform::from_xyz(0.1 * sin, 1.0, 0.1 * cos)
                 .with_rotation(Quat::from_rotation_y(0.3 * sin));
         }
-        if let Some(&floor) = self.planes.first() {
+        if let Some(&floor) = self.names.planes.first() {
             let mut transform = self.app.world_mut().get_mut::<Transform>(floor).expect("it is there");
             transform.translation.y = 0.02 * sin;
             transform.rotation = Quat::from_rotation_z(0.1 * sin);
@@ -209,7 +218,7 @@ impl Stage {
             (Scene::Leavers, 15) => self.leave(&[3, 20, 30]),
             (Scene::Leavers, 25) => {
                 self.leave(&[0]);
-                let (spring, plane) = (self.springs.pop(), self.planes.pop());
+                let (spring, plane) = (self.names.springs.pop(), self.names.planes.pop());
                 for entity in spring.into_iter().chain(plane) {
                     self.app.world_mut().despawn(entity);
                 }
@@ -219,21 +228,21 @@ impl Stage {
     }
 
     fn join_late(&mut self) {
-        let last = *self.particles.last().expect("there are some");
+        let last = *self.names.particles.last().expect("there are some");
         let start = common::position(&self.app, last);
         self.hang(last, start + Vec3::Y * 0.1, Vec3::Y, 4, 300.0);
         self.particle(0.5, 0.1, Vec3::new(0.2, 2.0, 0.2));
         let wall = Transform::from_xyz(0.8, 0.0, 0.0).with_rotation(Quat::from_rotation_z(1.5));
-        self.planes.push(self.app.world_mut().spawn((PlaneCollider::default(), wall)).id());
+        self.names.planes.push(self.app.world_mut().spawn((PlaneCollider::default(), wall)).id());
     }
 
     /// Despawns some particles, by their numbers.
     fn leave(&mut self, numbers: &[usize]) {
         for number in numbers.iter().rev() {
-            let particle = self.particles.remove(*number);
+            let particle = self.names.particles.remove(*number);
             self.app.world_mut().despawn(particle);
         }
-        let Self { app, particles, springs, .. } = self;
+        let Self { app, names: Names { particles, springs, .. }, .. } = self;
         let ends = |spring: &Entity| app.world().get::<Spring>(*spring).map(|spring| spring.particles);
         springs
             .retain(|spring| ends(spring).is_some_and(|ends| ends.iter().all(|end| particles.contains(end))));
@@ -253,7 +262,7 @@ impl Stage {
     }
 
     pub fn bits(&self) -> Bits {
-        self.particles.iter().map(|particle| common::bits(&self.app, *particle)).collect()
+        self.names.particles.iter().map(|particle| common::bits(&self.app, *particle)).collect()
     }
 
     /// What the next `ticks` bring.
