@@ -86,10 +86,11 @@ pub struct AppliedForce(pub Vec3);
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Quarantined;
 
-/// The place of a particle or spring in the order in which the simulation adds forces and numbers particles.
+/// The place of a particle, spring or plane in the order in which the simulation numbers particles and planes, and
+/// adds forces.
 ///
 /// Results depend on that order in their last bits. By default it is the order in which entities got their
-/// [`Particle`] or `Spring`; where that differs between two apps which must agree to the bit, give each entity a
+/// [`Particle`], `Spring` or `PlaneCollider`; where that differs between two apps which must agree to the bit, give each entity a
 /// number. Those with smaller ones come first, those without one last. A new number has all of them sorted again.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]

@@ -67,7 +67,7 @@ pub(super) fn gather(
     gathered.start = Some(Instant::now());
     let (state, simulation) = (&mut *state, &mut *simulation);
     let edits = slots::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
-    slots::refresh_slots(state, simulation, &edits, queries.p1(), &mut bookkeeping);
+    slots::refresh_slots(state, simulation, edits, queries.p1(), &mut bookkeeping);
     let warnings = &mut bookkeeping.warnings;
     gather_particles(state, simulation, &mut gathered, warnings, &queries.p2(), &hierarchy);
     gather_planes(state, simulation, &mut gathered_planes, &mut bookkeeping, &planes, &hierarchy);

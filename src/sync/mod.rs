@@ -11,6 +11,7 @@
 //! whole tables without looking anything up. [`MassSpringState`] is all that one tick hands on to the next beside
 //! the components; everything else here can be dropped.
 
+mod adopt;
 mod easing;
 mod gather;
 mod hierarchy;
@@ -72,6 +73,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(state::mark_outdated::<Remove, Disabled>)
         .add_observer(state::mark_outdated::<Insert, SimulationOrder>)
         .add_observer(planes::register_plane)
+        .add_observer(planes::sort_planes)
         .add_observer(planes::unregister_plane)
         .add_systems(
             schedule,

@@ -1,24 +1,59 @@
 //! Planes into the solver's inputs.
 
+use bevy::ecs::entity_disabling::Disabled;
+use bevy::ecs::query::Allow;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
+use crate::particle::SimulationOrder;
 use crate::solver::{Plane, Pose};
 
 use super::Simulation;
 use super::hierarchy::Hierarchy;
 use super::slots::Bookkeeping;
-use super::state::{MassSpringState, RegisteredPlane};
+use super::state::{MassSpringState, RegisteredPlane, touch};
 
 /// Registers a plane.
-pub(super) fn register_plane(added: On<Add, PlaneCollider>, mut state: ResMut<MassSpringState>) {
+pub(super) fn register_plane(
+    added: On<Add, PlaneCollider>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+    orders: Query<&SimulationOrder, Allow<Disabled>>,
+) {
+    touch(&mut state, &mut simulation);
     state.planes.push(RegisteredPlane::new(added.entity));
+    if orders.contains(added.entity) {
+        sort(&mut state, &orders);
+    }
 }
 
 /// Removes a plane from the registry.
-pub(super) fn unregister_plane(removed: On<Remove, PlaneCollider>, mut state: ResMut<MassSpringState>) {
+pub(super) fn unregister_plane(
+    removed: On<Remove, PlaneCollider>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+) {
+    touch(&mut state, &mut simulation);
     state.planes.retain(|plane| plane.entity != removed.entity);
+}
+
+/// Sorts the planes when one of them gets a number.
+pub(super) fn sort_planes(
+    inserted: On<Insert, SimulationOrder>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+    orders: Query<&SimulationOrder, Allow<Disabled>>,
+) {
+    if state.planes.iter().any(|plane| plane.entity == inserted.entity) {
+        touch(&mut state, &mut simulation);
+        sort(&mut state, &orders);
+    }
+}
+
+fn sort(state: &mut MassSpringState, orders: &Query<&SimulationOrder, Allow<Disabled>>) {
+    let order_of = |plane: &RegisteredPlane| orders.get(plane.entity).map_or(u64::MAX, |order| order.0);
+    state.planes.sort_by_key(order_of);
 }
 
 /// Copies all planes, moving from where they were in the last tick to where they are. A plane that is disabled or

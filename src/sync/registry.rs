@@ -6,6 +6,7 @@
 use std::marker::PhantomData;
 
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities};
+use bevy::platform::collections::HashSet;
 use bevy::prelude::*;
 
 /// The registration of an entity with the component `T`, and its slot in the solver.
@@ -27,6 +28,11 @@ impl<T: Send + Sync + 'static> Slot<T> {
     /// The slot in the solver; `None` for an entity that is left out.
     pub fn get(&self) -> Option<usize> {
         (self.slot != u32::MAX).then_some(self.slot as usize)
+    }
+
+    /// Whether a registry knows the entity.
+    pub fn is_registered(&self) -> bool {
+        self.serial != u64::MAX
     }
 
     /// Gives the entity a slot or takes it away.
@@ -118,10 +124,18 @@ impl Registry {
         entities.into_iter().rev()
     }
 
-    /// Each registration with the slot that its entity has.
-    pub fn assignments(&self) -> impl Iterator<Item = (Entry, Option<usize>)> {
+    /// Calls `assign` for each registration, with the slot that its entity has, and whether no tick has processed it
+    /// yet. Where it returns `false` the entity is gone, and its slot is to be emptied.
+    pub fn adopt(&mut self, mut assign: impl FnMut(&Entry, Option<usize>, bool) -> bool) {
         let slot_of: EntityHashMap<usize> = self.slots.iter().copied().zip(0..).collect();
-        self.entries.iter().map(move |entry| (*entry, slot_of.get(&entry.entity).copied()))
+        let mut removed: HashSet<u32> = self.removed.iter().copied().collect();
+        for (index, entry) in self.entries.iter().enumerate() {
+            let (slot, is_new) = (slot_of.get(&entry.entity).copied(), index >= self.processed);
+            // One that lost the component and got it again has another slot by the next tick.
+            let is_present = assign(entry, slot.filter(|_| !is_new), is_new);
+            let freed = slot.filter(|_| is_new || !is_present).map(|slot| slot as u32);
+            self.removed.extend(freed.filter(|slot| removed.insert(*slot)));
+        }
     }
 }
 

@@ -1,11 +1,11 @@
 //! Slots for what was added, and empty slots for what was removed; all anew only when too many are empty.
 
-use bevy::ecs::entity::EntityHashSet;
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
@@ -43,13 +43,16 @@ pub(super) struct SpringQueries<'w, 's> {
     particles: Query<'w, 's, &'static Slot<Particle>>,
 }
 
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
+
 /// All entities that may have a slot.
 #[derive(SystemParam)]
 pub(super) struct Candidates<'w, 's> {
-    particles: Query<'w, 's, ParticleData, Allow<Disabled>>,
-    springs: Query<'w, 's, SpringData, Allow<Disabled>>,
+    pub particles: Query<'w, 's, ParticleData, Allow<Disabled>>,
+    pub springs: Query<'w, 's, SpringData, Allow<Disabled>>,
     orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
-    all: Query<'w, 's, Entity, (Or<(With<Slot<Particle>>, With<Slot<Spring>>)>, Allow<Disabled>)>,
+    /// All of these, and the planes.
+    pub all: Query<'w, 's, (Entity, Has<PlaneCollider>), (IsRegistered, Allow<Disabled>)>,
 }
 
 /// What the assignment writes beside the state.
@@ -104,7 +107,7 @@ pub(super) fn copy_edited_springs(
 }
 
 /// Copies the parameters of a spring that joins the same particles as before; returns whether it does.
-fn copy_spring(
+pub(super) fn copy_spring(
     spring: &Spring,
     slot: usize,
     slot_of: impl Fn(Entity) -> Option<usize>,
@@ -137,7 +140,7 @@ pub(super) fn check_particle(
 pub(super) fn refresh_slots(
     state: &mut MassSpringState,
     simulation: &mut Simulation,
-    edits: &Edits,
+    mut edits: Edits,
     candidates: Candidates,
     bookkeeping: &mut Bookkeeping,
 ) {
@@ -145,6 +148,7 @@ pub(super) fn refresh_slots(
     let mut assignment = Assignment { state, simulation, candidates, bookkeeping };
     if was_replaced {
         assignment.adopt();
+        edits.retry = true;
     }
     let Assignment { state, candidates: Candidates { particles, .. }, .. } = &mut assignment;
     let is_corrected = |entity: &Entity| {
@@ -158,7 +162,7 @@ pub(super) fn refresh_slots(
     if state.is_outdated {
         assignment.assign_all();
     } else if state.particles.pending() + state.springs.pending() > 0 || edits.retry {
-        assignment.update(edits);
+        assignment.update(&edits);
     }
     if !assignment.state.despawned.is_empty() {
         assignment.state.despawned.clear();
@@ -166,66 +170,14 @@ pub(super) fn refresh_slots(
 }
 
 /// The slots and the entities that get them.
-struct Assignment<'a, 'w, 's, 'b, 't> {
-    state: &'a mut MassSpringState,
-    simulation: &'a mut Simulation,
-    candidates: Candidates<'w, 's>,
-    bookkeeping: &'a mut Bookkeeping<'b, 't>,
+pub(super) struct Assignment<'a, 'w, 's, 'b, 't> {
+    pub state: &'a mut MassSpringState,
+    pub simulation: &'a mut Simulation,
+    pub candidates: Candidates<'w, 's>,
+    pub bookkeeping: &'a mut Bookkeeping<'b, 't>,
 }
 
 impl Assignment<'_, '_, '_, '_, '_> {
-    /// Takes over a state that was put back: the slots of all entities are those that it says.
-    fn adopt(&mut self) {
-        let Candidates { particles, springs, all, .. } = &mut self.candidates;
-        particles.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
-        springs.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
-        let mut known = EntityHashSet::default();
-        let mut removed = Vec::new();
-        for (entry, slot) in self.state.particles.assignments() {
-            known.insert(entry.entity);
-            match particles.get_mut(entry.entity) {
-                Ok((.., mut to)) => entry.assign(&mut *to, slot),
-                Err(_) => removed.extend(slot.map(|slot| slot as u32)),
-            }
-        }
-        self.state.particles.removed.append(&mut removed);
-        for (entry, slot) in self.state.springs.assignments() {
-            known.insert(entry.entity);
-            match springs.get_mut(entry.entity) {
-                Ok((.., mut to)) => entry.assign(&mut *to, slot),
-                Err(_) => removed.extend(slot.map(|slot| slot as u32)),
-            }
-        }
-        self.state.springs.removed.append(&mut removed);
-        let mut unknown: Vec<Entity> = all.iter().filter(|entity| !known.contains(entity)).collect();
-        unknown.sort_unstable();
-        for entity in unknown {
-            if let Ok((.., mut slot)) = particles.get_mut(entity) {
-                self.state.particles.add(entity, &mut *slot);
-            }
-            if let Ok((.., mut slot)) = springs.get_mut(entity) {
-                self.state.springs.add(entity, &mut *slot);
-            }
-        }
-        self.simulation.fresh.clear();
-        self.simulation.fresh.resize(self.state.particles.slots.len(), false);
-        self.copy_all_springs();
-    }
-
-    /// Copies the parameters of all springs in the simulation; those with other ends are pending from now on.
-    fn copy_all_springs(&mut self) {
-        let Candidates { particles, springs, .. } = &self.candidates;
-        let mut relinked = Vec::new();
-        for &entity in self.state.springs.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
-            let Ok((spring, _, slot)) = springs.get(entity) else { continue };
-            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
-            if slot.get().is_some_and(|slot| !copy_spring(spring, slot, slot_of, &mut self.state.solver)) {
-                relinked.push(entity);
-            }
-        }
-        relinked.into_iter().for_each(|spring| self.suspend(spring));
-    }
-
     /// Assigns all slots in the order of the registries.
     fn assign_all(&mut self) {
         let state = &mut *self.state;
@@ -306,7 +258,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     }
 
     /// Takes a spring out of its slot; it is pending from now on.
-    fn suspend(&mut self, entity: Entity) {
+    pub(super) fn suspend(&mut self, entity: Entity) {
         let Ok((.., mut slot)) = self.candidates.springs.get_mut(entity) else { return };
         let old = slot.get();
         slot.set(None);
@@ -399,13 +351,17 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn add_spring(&mut self, entity: Entity) {
         let Candidates { particles, springs, .. } = &mut self.candidates;
         let Ok((spring, is_disabled, mut slot)) = springs.get_mut(entity) else { return };
-        if slot.get().is_some() || is_disabled {
+        if slot.get().is_some() {
             return;
         }
         let Bookkeeping { warnings, orphaned_springs, commands, .. } = &mut *self.bookkeeping;
         let is_orphan = spring.particles.iter().any(|end| self.state.despawned.contains(end));
         if is_orphan && **orphaned_springs == OrphanedSprings::Despawn {
             commands.entity(entity).try_despawn();
+            return;
+        }
+        if is_disabled {
+            self.state.pending.push(entity);
             return;
         }
         match resolve_spring(spring, particles) {

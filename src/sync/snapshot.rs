@@ -1,6 +1,6 @@
 //! Snapshots: all that the next ticks depend on, and how it is put back; the initial state is one.
 
-use bevy::ecs::entity::{EntityHashMap, EntityMapper, MapEntities, SceneEntityMapper};
+use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities, SceneEntityMapper};
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
@@ -237,6 +237,14 @@ impl PlaneRecord {
 pub(super) struct InitialState(Snapshot);
 
 impl InitialState {
+    /// The entities that it holds.
+    pub fn entities(&self) -> EntityHashSet {
+        let Snapshot { particles, springs, planes, .. } = &self.0;
+        let particles = particles.iter().map(|record| record.entity);
+        let springs = springs.iter().map(|(entity, _)| *entity);
+        particles.chain(springs).chain(planes.iter().map(|record| record.entity)).collect()
+    }
+
     pub fn record_particle(&mut self, record: ParticleRecord) {
         self.0.particles.push(record);
     }

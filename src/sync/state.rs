@@ -35,7 +35,7 @@ pub struct MassSpringState {
     pub(super) is_outdated: bool,
     /// Particles with bad values, left out until they are corrected.
     pub(super) excluded: Vec<Entity>,
-    /// Springs that wait for an end, or to be corrected.
+    /// Springs that wait for an end, to be corrected or enabled.
     pub(super) pending: Vec<Entity>,
     /// Particles that were despawned since the last tick.
     pub(super) despawned: EntityHashSet,
@@ -132,7 +132,7 @@ impl Registered for Spring {
 }
 
 /// Gives a state that an observer changes a new version. One that was put back meanwhile stays known as such.
-fn touch(state: &mut MassSpringState, simulation: &mut Simulation) {
+pub(super) fn touch(state: &mut MassSpringState, simulation: &mut Simulation) {
     let was_replaced = state.version != simulation.version;
     state.version = Version::new();
     if !was_replaced {
@@ -169,9 +169,12 @@ pub(super) fn unregister<T: Registered>(
     mut slots: Query<&mut Slot<T>, Allow<Disabled>>,
 ) {
     warnings.clear(removed.entity);
+    // The slots of the entities are not those of a state that was put back, before a tick has taken it over.
+    let was_replaced = state.version != simulation.version;
     touch(&mut state, &mut simulation);
     if let Ok(mut slot) = slots.get_mut(removed.entity) {
-        T::registry(&mut state).removed.extend(slot.get().map(|slot| slot as u32));
+        let freed = slot.get().filter(|_| !was_replaced);
+        T::registry(&mut state).removed.extend(freed.map(|slot| slot as u32));
         slot.set(None);
     }
 }

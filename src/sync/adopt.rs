@@ -1,0 +1,114 @@
+//! Taking over a state that was put back: its entities get the slots that it says.
+//!
+//! The world may differ from the one that the state was saved in: entities are gone, others are there, some were
+//! disabled or enabled in the meantime. All that is as if it happened in this tick.
+
+use bevy::ecs::entity::EntityHashSet;
+use bevy::prelude::*;
+
+use super::registry::Slot;
+use super::slots::{Assignment, Candidates, copy_spring};
+use super::state::{MassSpringState, RegisteredPlane};
+
+impl Assignment<'_, '_, '_, '_, '_> {
+    /// Takes over a state that was put back.
+    pub(super) fn adopt(&mut self) {
+        self.adopt_particles();
+        let disabled = self.adopt_springs();
+        self.adopt_planes();
+        self.register_unknown();
+        self.refresh_recorded();
+        self.simulation.fresh.clear();
+        self.simulation.fresh.resize(self.state.particles.slots.len(), false);
+        disabled.into_iter().for_each(|spring| self.suspend(spring));
+        self.copy_all_springs();
+    }
+
+    fn adopt_particles(&mut self) {
+        let particles = &mut self.candidates.particles;
+        particles.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
+        let (excluded, mut is_outdated) = (&self.state.excluded, false);
+        self.state.particles.adopt(|entry, slot, is_new| {
+            let Ok((.., (_, is_quarantined, is_disabled), mut to)) = particles.get_mut(entry.entity) else {
+                return false;
+            };
+            entry.assign(&mut *to, slot);
+            let is_absent = is_quarantined || is_disabled;
+            is_outdated |= match slot {
+                Some(_) => is_absent,
+                None => !is_absent && !is_new && !excluded.contains(&entry.entity),
+            };
+            true
+        });
+        self.state.is_outdated |= is_outdated;
+    }
+
+    /// Returns the springs with a slot that are disabled by now.
+    fn adopt_springs(&mut self) -> Vec<Entity> {
+        let springs = &mut self.candidates.springs;
+        springs.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
+        let mut disabled = Vec::new();
+        self.state.springs.adopt(|entry, slot, _| {
+            let Ok((_, is_disabled, mut to)) = springs.get_mut(entry.entity) else { return false };
+            entry.assign(&mut *to, slot);
+            disabled.extend((is_disabled && slot.is_some()).then_some(entry.entity));
+            true
+        });
+        disabled
+    }
+
+    fn adopt_planes(&mut self) {
+        let all = &self.candidates.all;
+        let is_plane = |entity| all.get(entity).is_ok_and(|(_, is_plane)| is_plane);
+        self.state.planes.retain(|plane| is_plane(plane.entity));
+    }
+
+    /// Registers the entities that the state does not know, as if they had just been spawned.
+    fn register_unknown(&mut self) {
+        let state = &mut *self.state;
+        let known: EntityHashSet = state.planes.iter().map(|plane| plane.entity).collect();
+        let mut all: Vec<(Entity, bool)> = self.candidates.all.iter().collect();
+        all.sort_unstable();
+        for (entity, is_plane) in all {
+            if let Ok((.., mut slot)) = self.candidates.particles.get_mut(entity)
+                && !slot.is_registered()
+            {
+                state.particles.add(entity, &mut *slot);
+            }
+            if let Ok((.., mut slot)) = self.candidates.springs.get_mut(entity)
+                && !slot.is_registered()
+            {
+                state.springs.add(entity, &mut *slot);
+            }
+            if is_plane && !known.contains(&entity) {
+                state.planes.push(RegisteredPlane::new(entity));
+            }
+        }
+    }
+
+    /// Marks the entities that are in the initial state of this app, whatever the state says of another one.
+    fn refresh_recorded(&mut self) {
+        let recorded = self.bookkeeping.initial.entities();
+        let MassSpringState { particles, springs, planes, .. } = &mut *self.state;
+        for entry in particles.entries.iter_mut().chain(&mut springs.entries) {
+            entry.is_recorded = recorded.contains(&entry.entity);
+        }
+        for plane in planes {
+            plane.is_recorded = recorded.contains(&plane.entity);
+        }
+    }
+
+    /// Copies the parameters of all springs in the simulation; those with other ends are pending from now on.
+    fn copy_all_springs(&mut self) {
+        let Candidates { particles, springs, .. } = &self.candidates;
+        let mut relinked = Vec::new();
+        for &entity in self.state.springs.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
+            let Ok((spring, _, slot)) = springs.get(entity) else { continue };
+            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
+            if slot.get().is_some_and(|slot| !copy_spring(spring, slot, slot_of, &mut self.state.solver)) {
+                relinked.push(entity);
+            }
+        }
+        relinked.into_iter().for_each(|spring| self.suspend(spring));
+    }
+}
