@@ -68,7 +68,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let state = &mut *self.state;
         let known: EntityHashSet = state.planes.iter().map(|plane| plane.entity).collect();
         let mut all: Vec<(Entity, bool)> = self.candidates.all.iter().collect();
-        all.sort_unstable();
+        all.sort_unstable_by_key(|(entity, _)| entity.index_u32());
         for (entity, is_plane) in all {
             if let Ok((.., mut slot)) = self.candidates.particles.get_mut(entity)
                 && !slot.is_registered()

@@ -203,14 +203,14 @@ pub(super) fn register_existing(world: &mut World) {
     register_all::<Spring>(world);
     let mut planes = world.query_filtered::<Entity, (With<PlaneCollider>, Allow<Disabled>)>();
     let mut planes: Vec<Entity> = planes.iter(world).collect();
-    planes.sort_unstable();
+    planes.sort_unstable_by_key(|entity| entity.index_u32());
     world.resource_mut::<MassSpringState>().planes.extend(planes.into_iter().map(RegisteredPlane::new));
 }
 
 fn register_all<T: Registered>(world: &mut World) {
     let mut existing: Vec<Entity> =
         world.query_filtered::<Entity, (With<T>, Allow<Disabled>)>().iter(world).collect();
-    existing.sort_unstable();
+    existing.sort_unstable_by_key(|entity| entity.index_u32());
     world.resource_scope(|world, mut state: Mut<MassSpringState>| {
         for entity in existing {
             let mut entity_mut = world.entity_mut(entity);

@@ -9,6 +9,7 @@ mod collisions;
 #[path = "../common/mod.rs"]
 mod common;
 mod control;
+mod disabling;
 mod energy;
 mod implicit_euler;
 mod islands;
