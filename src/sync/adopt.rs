@@ -17,7 +17,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let disabled = self.adopt_springs();
         self.adopt_planes();
         self.register_unknown();
-        self.refresh_recorded();
+        self.complete_initial_state();
         self.simulation.fresh.clear();
         self.simulation.fresh.resize(self.state.particles.slots.len(), false);
         disabled.into_iter().for_each(|spring| self.suspend(spring));
@@ -86,12 +86,29 @@ impl Assignment<'_, '_, '_, '_, '_> {
         }
     }
 
-    /// Marks the entities that are in the initial state of this app, whatever the state says of another one.
-    fn refresh_recorded(&mut self) {
-        let recorded = self.bookkeeping.initial.entities();
+    /// Makes the initial state one of all entities in the simulation, whatever this app has seen of them before.
+    fn complete_initial_state(&mut self) {
+        let initial = &mut self.bookkeeping.initial;
+        let recorded = initial.entities();
         let MassSpringState { particles, springs, planes, .. } = &mut *self.state;
-        for entry in particles.entries.iter_mut().chain(&mut springs.entries) {
+        for entry in &mut particles.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
+            let data = self.candidates.particles.get(entry.entity).ok().filter(|_| !entry.is_recorded);
+            if let Some((particle, transform, velocity, force, (is_pinned, ..), slot)) = data
+                && slot.get().is_some()
+            {
+                let data = (particle, transform, velocity, force, is_pinned);
+                initial.record_particle(entry.entity, data);
+                entry.is_recorded = true;
+            }
+        }
+        for entry in &mut springs.entries {
+            entry.is_recorded = recorded.contains(&entry.entity);
+            let data = self.candidates.springs.get(entry.entity).ok().filter(|_| !entry.is_recorded);
+            if let Some((spring, ..)) = data {
+                initial.record_spring(entry.entity, *spring);
+                entry.is_recorded = true;
+            }
         }
         for plane in planes {
             plane.is_recorded = recorded.contains(&plane.entity);

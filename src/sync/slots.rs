@@ -14,7 +14,7 @@ use crate::spring::Spring;
 
 use super::Simulation;
 use super::registry::{Entry, Slot};
-use super::snapshot::{InitialState, ParticleRecord};
+use super::snapshot::InitialState;
 use super::state::{MassSpringState, Warnings};
 
 /// All slots are assigned anew when more than one in this number is empty, or if as many were added or removed in
@@ -304,15 +304,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             }
             warnings.clear(entry.entity);
             if !std::mem::replace(&mut entry.is_recorded, true) {
-                initial.record_particle(ParticleRecord {
-                    entity: entry.entity,
-                    particle: *particle,
-                    translation: transform.translation,
-                    velocity: *velocity,
-                    force: force.copied(),
-                    is_pinned,
-                    is_quarantined: false,
-                });
+                initial.record_particle(entry.entity, (particle, transform, velocity, force, is_pinned));
             }
             let new_slot = state.particles.slots.len();
             slot.set(Some(new_slot));

@@ -46,14 +46,14 @@ pub struct Snapshot {
 /// The components of a particle.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct ParticleRecord {
-    pub entity: Entity,
-    pub particle: Particle,
-    pub translation: Vec3,
-    pub velocity: ParticleVelocity,
-    pub force: Option<AppliedForce>,
-    pub is_pinned: bool,
-    pub is_quarantined: bool,
+struct ParticleRecord {
+    entity: Entity,
+    particle: Particle,
+    translation: Vec3,
+    velocity: ParticleVelocity,
+    force: Option<AppliedForce>,
+    is_pinned: bool,
+    is_quarantined: bool,
 }
 
 /// The components of a plane.
@@ -245,8 +245,26 @@ impl InitialState {
         particles.chain(springs).chain(planes.iter().map(|record| record.entity)).collect()
     }
 
-    pub fn record_particle(&mut self, record: ParticleRecord) {
-        self.0.particles.push(record);
+    pub fn record_particle(
+        &mut self,
+        entity: Entity,
+        (particle, transform, velocity, force, is_pinned): (
+            &Particle,
+            &Transform,
+            &ParticleVelocity,
+            Option<&AppliedForce>,
+            bool,
+        ),
+    ) {
+        self.0.particles.push(ParticleRecord {
+            entity,
+            particle: *particle,
+            translation: transform.translation,
+            velocity: *velocity,
+            force: force.copied(),
+            is_pinned,
+            is_quarantined: false,
+        });
     }
 
     pub fn record_spring(&mut self, entity: Entity, spring: Spring) {

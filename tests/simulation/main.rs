@@ -15,6 +15,7 @@ mod implicit_euler;
 mod islands;
 mod lifecycle;
 mod mixture;
+mod order;
 mod overlap;
 mod physics;
 mod pinning;

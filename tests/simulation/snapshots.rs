@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 
-use crate::common::{app, run, spawn};
+use crate::common::{app, position, report, run, spawn};
 use crate::stage::{Scene, Stage};
 
 const TAKEN: u32 = 40;
@@ -184,14 +184,84 @@ fn restoring_leaves_later_entities_alone() {
     snapshot.restore(stage.app.world_mut());
     assert_eq!(crate::common::bits(&stage.app, late), fallen);
     back(&mut stage).assert_follows(&expected, "with one more particle");
-    assert_eq!(crate::common::report(&stage.app).particles, stage.names.particles.len() + 1);
+    assert_eq!(report(&stage.app).particles, stage.names.particles.len() + 1);
     let left = stage.names.particles.pop().expect("there are some");
     stage.app.world_mut().despawn(left);
     run(&mut stage.app, 1);
     snapshot.restore(stage.app.world_mut());
     run(&mut stage.app, 1);
-    assert_eq!(crate::common::report(&stage.app).particles, stage.names.particles.len() + 1);
-    assert_eq!(crate::common::report(&stage.app).springs, stage.names.springs.len() - 1);
+    assert_eq!(report(&stage.app).particles, stage.names.particles.len() + 1);
+    assert_eq!(report(&stage.app).springs, stage.names.springs.len() - 1);
+}
+
+/// A plane that was spawned since stays, one that was despawned stays away.
+#[test]
+fn restoring_leaves_later_planes_alone() {
+    let mut app = app();
+    let ground = app.world_mut().spawn(PlaneCollider::default()).id();
+    let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
+    run(&mut app, 10);
+    let snapshot = Snapshot::take(app.world());
+    let step = app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, 0.05, 0.0))).id();
+    for _ in 0..2 {
+        snapshot.restore(app.world_mut());
+        run(&mut app, 5);
+        assert!((position(&app, ball).y - 0.15).abs() < 1e-4, "{}", position(&app, ball));
+    }
+    app.world_mut().despawn(step);
+    snapshot.restore(app.world_mut());
+    run(&mut app, 5);
+    assert_eq!(position(&app, ball), Vec3::Y * 0.1);
+    app.world_mut().despawn(ground);
+    snapshot.restore(app.world_mut());
+    run(&mut app, 5);
+    assert_eq!(report(&app).contacts, 0);
+    assert!(position(&app, ball).y < 0.1);
+}
+
+/// In the frame in which a snapshot was put back entities are despawned and spawned as in any other.
+#[test]
+fn changes_right_after_restoring_count() {
+    let mut stage = Stage::new(Scene::Ropes, Integrator::Auto);
+    stage.run_to(20);
+    let snapshot = Snapshot::take(stage.app.world());
+    let edit = |stage: &mut Stage| {
+        let particle = stage.names.particles.remove(3);
+        stage.app.world_mut().despawn(particle);
+        let last = *stage.names.particles.last().expect("there are some");
+        let new = spawn(&mut stage.app, 0.1, 0.0, Vec3::new(1.0, 1.2, 1.0));
+        stage.app.world_mut().spawn(Spring::new(last, new, 0.2));
+        stage.names.particles.push(new);
+    };
+    let mut other = Stage::elsewhere(Scene::Ropes, Integrator::Auto);
+    edit(&mut stage);
+    let expected = stage.follow(30);
+    // All slots there are others by then.
+    let extra = spawn(&mut other.app, 1.0, 0.0, Vec3::Y * 30.0);
+    run(&mut other.app, 1);
+    other.app.world_mut().despawn(extra);
+    snapshot.restore_in_order(other.app.world_mut()).expect("it fits");
+    edit(&mut other);
+    other.tick = 20;
+    other.assert_follows(&expected, "edited at once");
+    assert_eq!(report(&stage.app).springs, report(&other.app).springs);
+}
+
+/// The initial state of an app is what each entity was in the first tick there, wherever a snapshot came from.
+#[test]
+fn the_initial_state_is_that_of_the_app() {
+    let mut stage = Stage::new(Scene::Ropes, Integrator::Auto);
+    stage.run_to(20);
+    let snapshot = Snapshot::take(stage.app.world());
+    let start = stage.bits();
+    let expected = stage.follow(30);
+    let mut other = Stage::elsewhere(Scene::Ropes, Integrator::Auto);
+    snapshot.restore_in_order(other.app.world_mut()).expect("it fits");
+    other.tick = 20;
+    other.assert_follows(&expected, "restored");
+    RestoreInitialState.apply(other.app.world_mut());
+    // The anchor has been moved before its first tick.
+    assert_eq!(other.bits()[1..], start[1..]);
 }
 
 #[cfg(feature = "interpolation")]
