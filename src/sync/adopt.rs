@@ -7,7 +7,8 @@ use bevy::ecs::entity::EntityHashSet;
 use bevy::prelude::*;
 
 use super::registry::Slot;
-use super::slots::{Assignment, Candidates, copy_spring};
+use super::slots::{Assignment, Candidates};
+use super::springs::copy_spring;
 use super::state::{MassSpringState, RegisteredPlane};
 
 impl Assignment<'_, '_, '_, '_, '_> {

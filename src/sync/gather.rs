@@ -17,7 +17,8 @@ use super::Simulation;
 use super::hierarchy::{Hierarchy, to_world};
 use super::planes::{GatheredPlanes, gather_planes};
 use super::registry::Slot;
-use super::slots::{self, Bookkeeping, Candidates, SpringQueries};
+use super::slots::{self, Bookkeeping, Candidates};
+use super::springs::{self, SpringQueries};
 use super::state::{MassSpringState, Warnings};
 
 /// What this tick found out about single particles.
@@ -66,7 +67,7 @@ pub(super) fn gather(
 ) {
     gathered.start = Some(Instant::now());
     let (state, simulation) = (&mut *state, &mut *simulation);
-    let edits = slots::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
+    let edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
     slots::refresh_slots(state, simulation, edits, queries.p1(), &mut bookkeeping);
     let warnings = &mut bookkeeping.warnings;
     gather_particles(state, simulation, &mut gathered, warnings, &queries.p2(), &hierarchy);

@@ -21,6 +21,7 @@ mod run;
 mod scatter;
 mod slots;
 mod snapshot;
+mod springs;
 mod state;
 
 use bevy::ecs::entity_disabling::Disabled;

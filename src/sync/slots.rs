@@ -9,12 +9,12 @@ use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
-use crate::solver;
 use crate::spring::Spring;
 
 use super::Simulation;
 use super::registry::{Entry, Slot};
 use super::snapshot::InitialState;
+use super::springs::{Edits, parameters, resolve_spring};
 use super::state::{MassSpringState, Warnings};
 
 /// All slots are assigned anew when more than one in this number is empty, or if as many were added or removed in
@@ -22,7 +22,7 @@ use super::state::{MassSpringState, Warnings};
 const MAX_FRAGMENTATION: usize = 4;
 
 /// All that the assignment reads of a particle.
-type ParticleData = (
+pub(super) type ParticleData = (
     &'static Particle,
     &'static Transform,
     &'static ParticleVelocity,
@@ -32,16 +32,6 @@ type ParticleData = (
 );
 
 type SpringData = (&'static Spring, Has<Disabled>, &'static mut Slot<Spring>);
-
-/// Springs and whether they were edited.
-type EditedSprings = (Entity, Ref<'static, Spring>, &'static Slot<Spring>);
-
-/// Springs that may have been edited, and the slots of their ends.
-#[derive(SystemParam)]
-pub(super) struct SpringQueries<'w, 's> {
-    springs: Query<'w, 's, EditedSprings>,
-    particles: Query<'w, 's, &'static Slot<Particle>>,
-}
 
 type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
 
@@ -62,68 +52,6 @@ pub(super) struct Bookkeeping<'w, 's> {
     pub initial: ResMut<'w, InitialState>,
     orphaned_springs: Res<'w, OrphanedSprings>,
     commands: Commands<'w, 's>,
-}
-
-/// What became of the springs that were edited.
-#[derive(Default)]
-pub(super) struct Edits {
-    /// Springs in the simulation that are now bad, or have other ends.
-    relinked: Vec<Entity>,
-    /// Whether springs may have been corrected.
-    retry: bool,
-}
-
-/// Copies the parameters of the springs that were edited.
-pub(super) fn copy_edited_springs(
-    state: &mut MassSpringState,
-    simulation: &Simulation,
-    warnings: &mut Warnings,
-    queries: &SpringQueries,
-) -> Edits {
-    let mut edits = Edits::default();
-    if state.version != simulation.version {
-        // The slots are not those of this state yet: `Assignment::adopt` copies all springs.
-        return edits;
-    }
-    for table in queries.springs.contiguous_iter().expect("these components are all stored in tables") {
-        let (entities, springs, slots) = table;
-        let (last_run, this_run) = (springs.last_run_tick(), springs.this_run_tick());
-        for (row, tick) in springs.changed_ticks_slice().iter().enumerate() {
-            if !tick.is_newer_than(last_run, this_run) {
-                continue;
-            }
-            let slot_of = |particle| queries.particles.get(particle).ok().and_then(Slot::get);
-            let copied =
-                slots[row].get().map(|slot| copy_spring(&springs[row], slot, slot_of, &mut state.solver));
-            match copied {
-                Some(true) => warnings.clear(entities[row]),
-                Some(false) => edits.relinked.push(entities[row]),
-                None => {}
-            }
-            edits.retry |= copied != Some(true);
-        }
-    }
-    edits
-}
-
-/// Copies the parameters of a spring that joins the same particles as before; returns whether it does.
-pub(super) fn copy_spring(
-    spring: &Spring,
-    slot: usize,
-    slot_of: impl Fn(Entity) -> Option<usize>,
-    solver: &mut solver::State,
-) -> bool {
-    let [Some(first), Some(second)] = spring.particles.map(slot_of) else { return false };
-    if !solver.spring_joins(slot, [first, second]) || spring.validate().is_err() {
-        return false;
-    }
-    solver.set_spring(slot, parameters(spring));
-    true
-}
-
-fn parameters(spring: &Spring) -> solver::Spring {
-    let Spring { rest_length, stiffness, damping, .. } = *spring;
-    solver::Spring { rest_length, stiffness, damping }
 }
 
 pub(super) fn check_particle(
@@ -374,33 +302,4 @@ impl Assignment<'_, '_, '_, '_, '_> {
             }
         }
     }
-}
-
-/// What can be wrong with a spring.
-#[derive(Debug, thiserror::Error)]
-enum SpringProblem {
-    #[error(transparent)]
-    Parameter(#[from] InvalidParameter),
-    #[error("its end {0} is not a particle")]
-    MissingParticle(Entity),
-    #[error("both of its ends are {0}")]
-    Loop(Entity),
-}
-
-/// The slots of a spring's ends; `None` if an end is a particle that takes no part at present.
-fn resolve_spring(
-    spring: &Spring,
-    particles: &Query<ParticleData, Allow<Disabled>>,
-) -> Result<Option<[usize; 2]>, SpringProblem> {
-    spring.validate()?;
-    let [first, second] = spring.particles;
-    if first == second {
-        return Err(SpringProblem::Loop(first));
-    }
-    let slot_of = |entity| match particles.get(entity) {
-        Ok((.., slot)) => Ok(slot.get()),
-        Err(_) => Err(SpringProblem::MissingParticle(entity)),
-    };
-    let (first, second) = (slot_of(first)?, slot_of(second)?);
-    Ok(first.zip(second).map(|(first, second)| [first, second]))
 }

@@ -210,7 +210,7 @@ fn extreme_numbers_in_one_net_do_not_reach_another() {
         },
         |app, particle| place(app, particle, Vec3::splat(1e25)),
     ];
-    for integrator in Integrator::named().into_iter().map(Integrator::from).chain([Integrator::Auto]) {
+    for integrator in Integrator::named().chain([Integrator::Auto]) {
         for (number, absurdity) in absurdities.iter().enumerate() {
             let [alone, beside] = [false, true].map(|is_absurd| {
                 let mut app = app();

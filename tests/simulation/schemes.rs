@@ -86,7 +86,7 @@ fn every_scheme_follows_its_recurrence() {
 #[test]
 fn no_scheme_follows_the_recurrence_of_another() {
     for scheme in Integrator::named() {
-        for other in Integrator::named().into_iter().filter(|other| *other != scheme) {
+        for other in Integrator::named().filter(|other| *other != scheme) {
             let deviation = deviation_from_recurrence(scheme, other);
             assert!(deviation > 3.0 * RECURRENCE_TOLERANCE, "{scheme:?} as {other:?}: {deviation:e}");
         }

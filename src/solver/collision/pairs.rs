@@ -237,10 +237,10 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
 }
 
 /// Ends the iterations over the velocities. Impulses of resting pairs are a load, which displaced them in this
-/// substep as any force does: velocity · `reach`, s (see [`Scheme::displacement_share`]); this is taken back.
+/// substep as any force does: velocity · `reach`, s (see [`Integrator::displacement_share`]); this is taken back.
 /// And what still sinks onto something supported is stopped.
 ///
-/// [`Scheme::displacement_share`]: crate::solver::Scheme::displacement_share
+/// [`Integrator::displacement_share`]: crate::solver::Integrator::displacement_share
 pub(super) fn finish_velocities(
     contacts: &mut PairContacts,
     groups: &mut Groups,

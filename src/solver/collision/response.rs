@@ -28,7 +28,7 @@ pub(super) struct Rebound {
     /// Pairs that rest stay in contact over a gap up to this one, m: else the rounding of a pile would
     /// take away its support every other substep. The way of free fall in a substep; 0 without gravity.
     pub slop: f32,
-    /// [`Scheme::velocity_lag`](crate::solver::Scheme::velocity_lag).
+    /// [`Integrator::velocity_lag`](crate::solver::Integrator::velocity_lag).
     pub velocity_lag: f32,
 }
 
