@@ -152,7 +152,7 @@ mod tests {
     fn fast_particles_have_thick_skins_and_points_any() {
         let (mut particles, mut broad_phase) = row(3);
         particles.velocity.set(1, Vec3::Y * 3.0);
-        particles.radius[2] = 0.0;
+        particles.set_radius(2, 0.0);
         broad_phase.choose_skins(&particles, false, false, 0.01);
         assert_eq!(broad_phase.skins, [0.1, 0.7, f32::MAX]);
     }

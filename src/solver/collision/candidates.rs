@@ -224,7 +224,11 @@ mod tests {
     use super::*;
     use crate::solver::StepSettings;
     use crate::solver::collision::pairs::Impulses;
-    use crate::solver::springs::Springs;
+    use crate::solver::elements::{Elements, Spring};
+    use crate::solver::settings::Integrator;
+
+    /// Longer than the radii: it excludes no pair.
+    const LONG: Spring = Spring { rest_length: 1.8, stiffness: 1.0, damping: 0.0 };
 
     fn row(spacing: f32, count: usize) -> Particles {
         let mut particles = Particles::default();
@@ -240,16 +244,18 @@ mod tests {
         memory: ContactMemory,
         candidates: Candidates,
         contacts: PairContacts,
-        springs: Springs,
+        elements: Elements,
     }
 
     impl Pairs {
         /// Refreshes the candidates and lists them, each pair in the order of its slots.
         fn refresh(&mut self, particles: &Particles) -> Vec<[u32; 2]> {
-            let Self { memory, candidates, contacts, springs } = self;
+            let Self { memory, candidates, contacts, elements } = self;
             let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
             let (planes, acceleration) = (&[], &Vectors::default());
-            let substep = Substep { springs, planes, acceleration, settings, duration: 0.01, elapsed: 1.0 };
+            let integrator = Integrator::SemiImplicitEuler;
+            let (duration, elapsed) = (0.01, 1.0);
+            let substep = Substep { elements, planes, acceleration, settings, integrator, duration, elapsed };
             candidates.refresh(memory, contacts, particles, &particles.position, substep);
             // No narrow phase follows.
             candidates.ahead = false;
@@ -303,9 +309,8 @@ mod tests {
         let particles = row(0.9, 4);
         let mut pairs = Pairs::default();
         pairs.refresh(&particles);
-        // Springs that are longer than the radii: they exclude no pair.
-        pairs.springs.push(0, 2, 1.8, 1.0, 0.0);
-        pairs.springs.push(1, 3, 1.8, 1.0, 0.0);
+        pairs.elements.push([0, 2], LONG);
+        pairs.elements.push([1, 3], LONG);
         pairs.memory.request_search();
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
         assert_eq!(pairs.past([0, 1]), Past::Apart, "neither is new");
@@ -357,9 +362,9 @@ mod tests {
     #[test]
     fn points_and_two_pinned_particles_never_collide() {
         let mut particles = row(0.5, 3);
-        particles.radius[0] = 0.0;
-        particles.inverse_mass[1] = 0.0;
-        particles.inverse_mass[2] = 0.0;
+        particles.set_radius(0, 0.0);
+        particles.set_inverse_mass(1, 0.0);
+        particles.set_inverse_mass(2, 0.0);
         assert!(Pairs::default().refresh(&particles).is_empty());
     }
 }

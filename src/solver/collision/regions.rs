@@ -291,7 +291,7 @@ mod tests {
     fn slabs_are_about_equal_and_cut_across_the_ground() {
         let particles = row(70_000);
         let mut regions = Regions::default();
-        regions.divide(&particles.position, &particles.radius, Vec3::Y);
+        regions.divide(&particles.position, particles.radius(), Vec3::Y);
         assert_eq!(regions.count(), 4);
         for slab in regions.starts.windows(2) {
             let size = slab[1] - slab[0];
@@ -309,7 +309,7 @@ mod tests {
     fn groups_hold_each_pair_once_in_order_and_parallel_ones_share_no_body() {
         let particles = row(90_000);
         let mut regions = Regions::default();
-        regions.divide(&particles.position, &particles.radius, Vec3::Y);
+        regions.divide(&particles.position, particles.radius(), Vec3::Y);
         assert_eq!(regions.count(), 5);
         // Neighbours at all distances up to the whole row.
         let pairs: Vec<_> = (0..30_000_u32).map(|n| (3 * n, (n * n) % 90_000)).collect();

@@ -477,7 +477,7 @@ mod tests {
             }
         }
         elements.settle(particles(count).inverse_mass());
-        let (mut blocks, all) = (Blocks::default(), particles(count + 3000));
+        let (mut blocks, all) = (Blocks::default(), particles(count + 1000));
         let refresh = |blocks: &mut Blocks, elements: &mut Elements, all: &Particles| {
             blocks.refresh(elements, all, (Version::default(), |_| false));
         };
@@ -488,13 +488,13 @@ mod tests {
         elements.set(3, spring(17.5));
         elements.remove::<Spring, 2>(4);
         for slot in 0..100 {
-            elements.push([slot * 70, count as u32 + 20 * slot], spring(2.5));
+            elements.push([slot * 70, count as u32 + 9 * slot], spring(2.5));
         }
         refresh(&mut blocks, &mut elements, &all);
         assert_eq!(listed(&blocks), expected(&elements));
         let anew = Blocks::of(elements.clone(), &all);
         let order = |blocks: &Blocks| format!("{:?}", blocks.blocks).replace("Some([1.0, 0.0])", "None");
-        assert_eq!(order(&blocks), order(&anew));
+        assert!(order(&blocks) == order(&anew));
         assert_eq!(blocks.springs_at(&elements, 7).len(), 2);
         // Without some particles, springs that end there are listed for the other end only.
         blocks.refresh(&mut elements, &all, (Version::new(), |slot| slot == 5));
@@ -521,7 +521,9 @@ mod tests {
         };
         let (mut alone, mut beside) = (Elements::default(), Elements::default());
         rope(&mut alone, 0);
-        (1..40).for_each(|slot| drop(beside.push([slot - 1, slot], spring(0.1))));
+        for slot in 1..40 {
+            beside.push([slot - 1, slot], spring(0.1));
+        }
         rope(&mut beside, 40);
         let alone = Blocks::of(alone, &particles(5000));
         let beside = Blocks::of(beside, &particles(5040));
