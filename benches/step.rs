@@ -14,7 +14,7 @@ use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{self, PairRules, Plane, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 const SUBSTEPS: u32 = 8;
@@ -80,7 +80,16 @@ impl Net {
             state.add_particle(*position, Vec3::ZERO, mass, 0.0).unwrap();
         }
         for &link in &self.links {
-            state.add_spring([link.0, link.1], solver::Spring { rest_length: self.rest_length(link), stiffness: self.stiffness, damping: self.damping }).unwrap();
+            state
+                .add_spring(
+                    [link.0, link.1],
+                    solver::Spring {
+                        rest_length: self.rest_length(link),
+                        stiffness: self.stiffness,
+                        damping: self.damping,
+                    },
+                )
+                .unwrap();
         }
         state
     }
@@ -238,8 +247,7 @@ fn assert_same_physics(net: &Net) {
     let mut moved = 0.0_f32;
     for (slot, start) in net.positions.iter().enumerate() {
         let position = naive.position(slot);
-        let differences =
-            [state.position(slot), in_app[slot].1].map(|other| other.distance(position));
+        let differences = [state.position(slot), in_app[slot].1].map(|other| other.distance(position));
         assert!(differences.iter().all(|difference| *difference < 3e-4), "{}: {differences:?}", net.name);
         moved = moved.max(position.distance(*start));
     }

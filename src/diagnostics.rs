@@ -6,8 +6,8 @@ use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnost
 use bevy::prelude::*;
 
 use crate::report::TickReport;
-pub use crate::solver::Measurements;
 use crate::schedule::{MassSpringSystems, simulation_schedule, time_advances};
+pub use crate::solver::Measurements;
 
 /// Computes [`Measurements`] each tick and records them, with the cost of each stage, into Bevy's
 /// [`DiagnosticsStore`](bevy::diagnostic::DiagnosticsStore), where `LogDiagnosticsPlugin` and

@@ -6,7 +6,7 @@ use allocation_counter::measure;
 use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{self, PairRules, Plane, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
 
 use common::{app, join, run, spawn, spawn_pinned};
 
@@ -23,7 +23,12 @@ fn state() -> Solver {
             [(slot.wrapping_sub(1), slot % 20 > 0), (slot.wrapping_sub(20), slot >= 20)]
         {
             if exists {
-                state.add_spring([neighbour, slot], solver::Spring { rest_length: 0.1, stiffness: 50.0, damping: 0.05 }).unwrap();
+                state
+                    .add_spring(
+                        [neighbour, slot],
+                        solver::Spring { rest_length: 0.1, stiffness: 50.0, damping: 0.05 },
+                    )
+                    .unwrap();
             }
         }
     }

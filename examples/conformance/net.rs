@@ -102,14 +102,21 @@ impl Net {
     pub fn solver_state(&self) -> Solver {
         let mut state = Solver::default();
         for slot in 0..self.position.len() {
-            state.add_particle(self.position[slot].as_vec3(), self.velocity[slot].as_vec3(), 1.0, 0.0).unwrap();
+            state
+                .add_particle(self.position[slot].as_vec3(), self.velocity[slot].as_vec3(), 1.0, 0.0)
+                .unwrap();
             state.particles.inverse_mass[slot] = self.inverse_mass[slot] as f32;
         }
         for link in &self.links {
             let [first, second] = link.ends;
             let [length, stiffness, damping] =
                 [link.rest_length, link.stiffness, link.damping].map(|value| value as f32);
-            state.add_spring([first, second], solver::Spring { rest_length: length, stiffness: stiffness, damping: damping }).unwrap();
+            state
+                .add_spring(
+                    [first, second],
+                    solver::Spring { rest_length: length, stiffness: stiffness, damping: damping },
+                )
+                .unwrap();
         }
         state
     }

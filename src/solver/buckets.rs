@@ -83,7 +83,8 @@ mod tests {
         let listed = [(2, 'c'), (0, 'a'), (2, 'b'), (2, 'c'), (0, 'a')];
         let mut buckets = Buckets::default();
         buckets.fill(4, |add| listed.iter().for_each(|(bucket, entry)| add(*bucket, *entry)));
-        let all = |buckets: &Buckets<char>| (0..4).map(|b| buckets.of(b).iter().collect()).collect::<Vec<String>>();
+        let all =
+            |buckets: &Buckets<char>| (0..4).map(|b| buckets.of(b).iter().collect()).collect::<Vec<String>>();
         assert_eq!(all(&buckets), ["aa", "", "cbc", ""]);
         buckets.sort_and_dedup();
         assert_eq!(all(&buckets), ["a", "", "bc", ""]);

@@ -2,8 +2,8 @@
 
 use bevy::math::{DVec3, Vec3};
 
-use super::settings::Field;
-use super::state::Version;
+use crate::solver::settings::Field;
+use crate::solver::state::Version;
 
 /// Coordinates and velocities below this are cleared, m or m/s: their squares would be subnormal numbers.
 const NEGLIGIBLE: f32 = 1e-18;

@@ -4,8 +4,6 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use bevy::reflect::prelude::ReflectDefault;
 
-use super::collision::PairRules;
-
 /// An integration scheme: how positions and velocities follow from accelerations.
 ///
 /// In the formulas x is the position, v the velocity, a the acceleration and h the substep; a prime marks the new
@@ -136,6 +134,15 @@ impl SubstepMode {
             Self::Fixed(count) => count.max(1),
         }
     }
+}
+
+/// How particles collide with each other.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PairRules {
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f32,
+    /// Coefficient of Coulomb friction, >= 0.
+    pub friction: f32,
 }
 
 /// The parameters of one tick.

@@ -2,14 +2,14 @@
 
 use bevy::math::Vec3;
 
-use super::collision::{ContactCaches, Plane, Substep};
-use super::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
-use super::outputs::Outputs;
-use super::particles::Particles;
-use super::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use super::settings::{Integrator, StepSettings};
-use super::stability::{FrequencyBounds, Plan, Planner};
-use super::state::{State, Version};
+use crate::solver::collision::{ContactCaches, Plane, Substep};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
+use crate::solver::outputs::Outputs;
+use crate::solver::particles::Particles;
+use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
+use crate::solver::settings::{Integrator, StepSettings};
+use crate::solver::stability::{FrequencyBounds, Plan, Planner};
+use crate::solver::state::{State, Version};
 
 /// What moves the particles and planes in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
@@ -66,7 +66,8 @@ pub(crate) fn step(
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(&state.particles.position, &inputs.planes, settings);
         caches.advance(state, settings, plan, index, duration);
-        let elapsed = if index + 1 == plan.substeps { 1.0 } else { (index + 1) as f32 / plan.substeps as f32 };
+        let elapsed =
+            if index + 1 == plan.substeps { 1.0 } else { (index + 1) as f32 / plan.substeps as f32 };
         for motion in &inputs.pinned {
             motion.move_particle(&mut state.particles, elapsed, settings.time_step);
         }
@@ -150,14 +151,7 @@ impl Caches {
     }
 
     /// Advances all particles by the substep of this `index`, of `substep` seconds.
-    fn advance(
-        &mut self,
-        state: &mut State,
-        settings: &StepSettings,
-        plan: Plan,
-        index: u32,
-        substep: f32,
-    ) {
+    fn advance(&mut self, state: &mut State, settings: &StepSettings, plan: Plan, index: u32, substep: f32) {
         let State { particles, elements, .. } = state;
         let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;

@@ -238,7 +238,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
         state.particles.reset_slots();
         state.springs.reset_slots();
         state.solver.clear();
-        let order_of = |entry: &Entry| self.candidates.orders.get(entry.entity).map_or(u64::MAX, |order| order.0);
+        let order_of =
+            |entry: &Entry| self.candidates.orders.get(entry.entity).map_or(u64::MAX, |order| order.0);
         state.particles.entries.sort_by_cached_key(order_of);
         state.springs.entries.sort_by_cached_key(order_of);
 
@@ -378,7 +379,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn add_new_springs(&mut self) {
         let mut entries = self.state.springs.take_new();
         entries.retain_mut(|entry| {
-            let Ok((spring, _, mut slot)) = self.candidates.springs.get_mut(entry.entity) else { return false };
+            let Ok((spring, _, mut slot)) = self.candidates.springs.get_mut(entry.entity) else {
+                return false;
+            };
             if !entry.is_valid(&slot) {
                 return false;
             }

@@ -78,7 +78,12 @@ impl MapEntities for MassSpringState {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
         self.particles.map_entities(mapper);
         self.springs.map_entities(mapper);
-        for entity in self.planes.iter_mut().map(|plane| &mut plane.entity).chain(&mut self.excluded).chain(&mut self.pending)
+        for entity in self
+            .planes
+            .iter_mut()
+            .map(|plane| &mut plane.entity)
+            .chain(&mut self.excluded)
+            .chain(&mut self.pending)
         {
             *entity = mapper.get_mapped(*entity);
         }

@@ -1,7 +1,7 @@
 //! Balls and planes in the pure solver.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{PairRules, Plane, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{Integrator, PairRules, Plane, Solver, StepSettings};
 
 /// The acceleration of gravity in these tests, m/s².
 pub const GRAVITY: f32 = 9.81;

@@ -2,7 +2,7 @@
 
 use bevy::math::{Quat, Vec3, Vec3Swizzles};
 use bevy_mass_spring::solver::{self, ContactPartner, Plane, Pose};
-use bevy_mass_spring::solver::{PairRules, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{Integrator, PairRules, Solver, StepSettings};
 
 use crate::common::bodies::{
     Ball, falling, floating, position, step_past_contact, velocity, with_ground, world,
@@ -192,8 +192,10 @@ fn a_pair_is_recorded_the_same_way_round() {
     for side in [1.0, -1.0] {
         let mut state = world([Ball::at(Vec3::Y * 0.08 * side), Ball::at(Vec3::Y * -0.08 * side)]);
         state.outputs_mut().record_contacts = true;
-        let settings =
-            StepSettings { pair_rules: Some(PairRules::default()), ..falling(Integrator::SemiImplicitEuler, 1) };
+        let settings = StepSettings {
+            pair_rules: Some(PairRules::default()),
+            ..falling(Integrator::SemiImplicitEuler, 1)
+        };
         state.step(&settings);
         let [record] = state.outputs().contacts[..] else { panic!("{:?}", state.outputs().contacts) };
         assert_eq!((record.slot, record.other), (0, ContactPartner::Particle(1)));

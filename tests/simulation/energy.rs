@@ -17,7 +17,9 @@ fn oscillator() -> Solver {
     let mut state = Solver::default();
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 1.0, 0.0).unwrap();
-    state.add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness: STIFFNESS, damping: 0.0 }).unwrap();
+    state
+        .add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness: STIFFNESS, damping: 0.0 })
+        .unwrap();
     state
 }
 
@@ -128,7 +130,16 @@ fn free_net() -> Solver {
         for second in first + 1..24 {
             let distance = state.position(first).distance(state.position(second));
             if distance < 0.8 {
-                state.add_spring([first, second], solver::Spring { rest_length: 0.9 * distance, stiffness: 150.0 * next(), damping: 0.02 * next() }).unwrap();
+                state
+                    .add_spring(
+                        [first, second],
+                        solver::Spring {
+                            rest_length: 0.9 * distance,
+                            stiffness: 150.0 * next(),
+                            damping: 0.02 * next(),
+                        },
+                    )
+                    .unwrap();
             }
         }
     }

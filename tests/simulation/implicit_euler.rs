@@ -24,7 +24,12 @@ fn chain(links: usize, direction: Vec3, mass: f32, stiffness: impl Fn(usize) -> 
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     for link in 0..links {
         state.add_particle(direction * 0.1 * (link + 1) as f32, Vec3::ZERO, mass, 0.0).unwrap();
-        state.add_spring([link, link + 1], solver::Spring { rest_length: 0.1, stiffness: stiffness(link), damping: 0.0 }).unwrap();
+        state
+            .add_spring(
+                [link, link + 1],
+                solver::Spring { rest_length: 0.1, stiffness: stiffness(link), damping: 0.0 },
+            )
+            .unwrap();
     }
     state
 }
@@ -129,8 +134,14 @@ fn net(size: usize, mass: f32, stiffness: f32, damping: f32) -> Solver {
     }
     for slot in 0..size * size {
         let (x, y) = (slot % size, slot / size);
-        let mut join =
-            |other: usize, length: f32| state.add_spring([slot, other], solver::Spring { rest_length: length, stiffness: stiffness, damping: damping }).unwrap();
+        let mut join = |other: usize, length: f32| {
+            state
+                .add_spring(
+                    [slot, other],
+                    solver::Spring { rest_length: length, stiffness: stiffness, damping: damping },
+                )
+                .unwrap()
+        };
         if x + 1 < size {
             join(slot + 1, 0.1);
         }
@@ -204,7 +215,12 @@ fn coincident_particles_and_springs_of_no_length() {
         state.add_particle(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0).unwrap();
         state.add_particle(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0).unwrap();
         for (first, second) in [(0, 1), (1, 2), (2, 0)] {
-            state.add_spring([first, second], solver::Spring { rest_length: rest_length, stiffness: 1e6, damping: 10.0 }).unwrap();
+            state
+                .add_spring(
+                    [first, second],
+                    solver::Spring { rest_length: rest_length, stiffness: 1e6, damping: 10.0 },
+                )
+                .unwrap();
         }
         let still = StepSettings { gravity: Vec3::ZERO, ..settings() };
         run(&mut state, &still, 3);

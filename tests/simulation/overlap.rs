@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 use bevy::prelude::{Entity, World};
 use bevy_mass_spring::prelude::{CollisionSettings, ParticleVelocity, Spring};
-use bevy_mass_spring::solver::{self, PairRules, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Integrator, PairRules, Solver, StepSettings};
 
 use crate::common::bodies::{Ball, GRAVITY, floating, position, velocity, world};
 use crate::common::{self, app, join, plain, run, spawn};
@@ -16,7 +16,12 @@ fn chain(radius: f32) -> Solver {
         ..Ball::at(Vec3::Y * 3.0 + Vec3::new(0.08, -0.06, 0.0) * f32::from(number))
     }));
     for number in 1..20 {
-        state.add_spring([number - 1, number], solver::Spring { rest_length: 0.1, stiffness: 2000.0, damping: 0.5 }).unwrap();
+        state
+            .add_spring(
+                [number - 1, number],
+                solver::Spring { rest_length: 0.1, stiffness: 2000.0, damping: 0.5 },
+            )
+            .unwrap();
     }
     state
 }
@@ -35,10 +40,20 @@ fn net(radius: f32, stretch: f32) -> Solver {
     }));
     for number in 0..size * size {
         if number % size > 0 {
-            state.add_spring([number - 1, number], solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 }).unwrap();
+            state
+                .add_spring(
+                    [number - 1, number],
+                    solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 },
+                )
+                .unwrap();
         }
         if number >= size {
-            state.add_spring([number - size, number], solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 }).unwrap();
+            state
+                .add_spring(
+                    [number - size, number],
+                    solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 },
+                )
+                .unwrap();
         }
     }
     state
@@ -124,7 +139,9 @@ fn joined_pair(rest_length: f32, radius: f32) -> Solver {
         velocity: Vec3::X * -side,
         ..Ball::at(Vec3::X * 0.15 * side)
     }));
-    state.add_spring([0, 1], solver::Spring { rest_length: rest_length, stiffness: 100.0, damping: 0.0 }).unwrap();
+    state
+        .add_spring([0, 1], solver::Spring { rest_length: rest_length, stiffness: 100.0, damping: 0.0 })
+        .unwrap();
     state
 }
 

@@ -2,7 +2,7 @@
 //! springs and dampers see of it.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{self, PinnedMotion, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Integrator, PinnedMotion, Solver, StepSettings};
 
 const TICK: f32 = 1.0 / 64.0;
 
@@ -11,7 +11,9 @@ fn pair(stiffness: f32, damping: f32) -> Solver {
     let mut state = Solver::default();
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 2.0, 0.0).unwrap();
-    state.add_spring([0, 1], solver::Spring { rest_length: 1.0, stiffness: stiffness, damping: damping }).unwrap();
+    state
+        .add_spring([0, 1], solver::Spring { rest_length: 1.0, stiffness: stiffness, damping: damping })
+        .unwrap();
     state
 }
 

@@ -58,7 +58,16 @@ impl Net {
         }
         for link in &self.links {
             let (first, second, _, stiffness, damping) = *link;
-            state.add_spring([order[first], order[second]], solver::Spring { rest_length: self.rest_length(link), stiffness: stiffness, damping: damping }).unwrap();
+            state
+                .add_spring(
+                    [order[first], order[second]],
+                    solver::Spring {
+                        rest_length: self.rest_length(link),
+                        stiffness: stiffness,
+                        damping: damping,
+                    },
+                )
+                .unwrap();
         }
         state
     }

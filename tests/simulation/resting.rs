@@ -1,7 +1,7 @@
 //! Resting contact: balls and a column at rest, and Coulomb friction beside its closed forms.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{self, PairRules, Plane, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
 
 use crate::common::bodies::{Ball, GRAVITY, falling, position, velocity, with_ground, world};
 

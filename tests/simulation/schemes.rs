@@ -1,7 +1,7 @@
 //! The integration schemes: each beside its written recurrence, and their orders of convergence.
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::{self, PairRules, PinnedMotion, Plane, Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Integrator, PairRules, PinnedMotion, Plane, Solver, StepSettings};
 
 use crate::common::reference::Reference;
 
@@ -114,9 +114,7 @@ fn a_contact_elsewhere_changes_nothing() {
             }
             contacts += both.outputs().contact_count;
             for slot in 0..3 {
-                let of = |state: &Solver| {
-                    (state.position(slot), state.velocity(slot))
-                };
+                let of = |state: &Solver| (state.position(slot), state.velocity(slot));
                 assert_eq!(of(&alone), of(&both), "{scheme:?}, tick {tick}, slot {slot}");
             }
         }
@@ -139,7 +137,9 @@ fn oscillator_error(scheme: Integrator, steps: u32) -> f64 {
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 1.0, 0.0).unwrap();
     let stiffness = (OMEGA * OMEGA) as f32;
-    state.add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness: stiffness, damping: GAMMA as f32 }).unwrap();
+    state
+        .add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness: stiffness, damping: GAMMA as f32 })
+        .unwrap();
     let settings = StepSettings { scheme, time_step: DURATION / steps as f32, ..StepSettings::default() };
     for _ in 0..steps {
         state.step(&settings);
@@ -234,8 +234,12 @@ fn one_taylor_step_of_any_length_is_as_exact_as_a_float() {
     for milliseconds in [1_u16, 7, 16, 100, 333, 1000, 2500] {
         let time_step = f32::from(milliseconds) / 1000.0;
         let gravity = Vec3::new(0.0, -9.81, 0.0);
-        let settings =
-            StepSettings { scheme: Integrator::SecondOrderTaylor, time_step, gravity, ..StepSettings::default() };
+        let settings = StepSettings {
+            scheme: Integrator::SecondOrderTaylor,
+            time_step,
+            gravity,
+            ..StepSettings::default()
+        };
         let mut state = Solver::default();
         state.add_particle(Vec3::Y * 50.0, Vec3::Y * 3.0, 1.0, 0.0).unwrap();
         state.step(&settings);

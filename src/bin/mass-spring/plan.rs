@@ -1,9 +1,9 @@
 //! How a scene would be simulated, known before any tick has run.
 
 use bevy::math::Vec3;
+use bevy_mass_spring::SubstepMode;
 use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
 use bevy_mass_spring::solver::{MAX_SUBSTEPS, Plan, Solver, Spring, StepSettings};
-use bevy_mass_spring::SubstepMode;
 
 /// The particles and springs of a scene in the solver alone, each particle with the position and velocity of `state`.
 pub fn solver(scene: &MassSpringScene, state: impl Fn(usize) -> [Vec3; 2]) -> Solver {
@@ -30,8 +30,13 @@ pub fn initial_solver(scene: &MassSpringScene) -> Solver {
 pub fn plan(scene: &MassSpringScene, solver: &mut Solver) -> Plan {
     let SceneSolver { integrator, substeps, time_step } = scene.solver;
     let viscosity = scene.environment.effective_viscosity();
-    let settings =
-        StepSettings { integrator, substeps, time_step: time_step as f32, viscosity, ..StepSettings::default() };
+    let settings = StepSettings {
+        integrator,
+        substeps,
+        time_step: time_step as f32,
+        viscosity,
+        ..StepSettings::default()
+    };
     solver.plan(&settings)
 }
 

@@ -9,8 +9,8 @@ use bevy::math::Vec3A;
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors, set};
 
-use crate::solver::graph::Exclusions;
 use super::regions::Regions;
+use crate::solver::graph::Exclusions;
 
 /// Number of bodies that are copied as one part.
 const BODIES_PER_PART: usize = 4096;

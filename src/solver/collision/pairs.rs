@@ -12,10 +12,10 @@
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::PairRules;
 use super::bodies::Body;
 use super::regions::{Group, Groups};
 use super::response::{friction, shortened, tangential};
+use crate::solver::settings::PairRules;
 
 /// The impulses that a contact has given.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

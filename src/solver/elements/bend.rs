@@ -64,14 +64,14 @@ impl<const N: usize> Element<N> for Bend<N> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::energy::measure;
-    use super::super::super::outputs::Outputs;
-    use super::super::super::particles::Vectors;
-    use super::super::super::settings::{Integrator, StepSettings, SubstepMode};
-    use super::super::super::state::State;
-    use super::super::super::step::{Caches, Inputs, step};
     use super::super::Spring;
     use super::*;
+    use crate::solver::energy::measure;
+    use crate::solver::outputs::Outputs;
+    use crate::solver::particles::Vectors;
+    use crate::solver::settings::{Integrator, StepSettings, SubstepMode};
+    use crate::solver::state::State;
+    use crate::solver::step::{Caches, Inputs, step};
 
     const STEP: f64 = 1.0 / 64.0;
     const STIFFNESS: f64 = 50.0;
@@ -107,11 +107,7 @@ mod tests {
     }
 
     /// A step on s'' = −ω² s − γ s', which is what the bend makes of its mode.
-    fn recurrence(
-        integrator: Integrator,
-        [x, v]: [f64; 2],
-        [squared, rate]: [f64; 2],
-    ) -> [f64; 2] {
+    fn recurrence(integrator: Integrator, [x, v]: [f64; 2], [squared, rate]: [f64; 2]) -> [f64; 2] {
         let h = STEP;
         let a = |x: f64, v: f64| -squared * x - rate * v;
         match integrator {
@@ -164,7 +160,10 @@ mod tests {
                 expected = recurrence(integrator, expected, rates);
                 let found = mode(&state, &weights);
                 for (found, expected) in found.into_iter().zip(expected) {
-                    assert!((found - expected).abs() < 2.4e-5, "{integrator}, step {number}: {found}, {expected}");
+                    assert!(
+                        (found - expected).abs() < 2.4e-5,
+                        "{integrator}, step {number}: {found}, {expected}"
+                    );
                 }
             }
             assert!(expected[0].abs() > 1e-4, "{integrator}: it still moves");
@@ -185,7 +184,8 @@ mod tests {
     fn rope() -> State {
         let mut state = State::default();
         for link in 0..12_u8 {
-            let bent = Vec3::new(f32::from(link) * 0.1, f32::from(link % 3) * 0.03, f32::from(link % 2) * 0.02);
+            let bent =
+                Vec3::new(f32::from(link) * 0.1, f32::from(link % 3) * 0.03, f32::from(link % 2) * 0.02);
             let (velocity, inverse_mass) = if link == 0 { (Vec3::ZERO, 0.0) } else { (Vec3::X * 0.2, 10.0) };
             state.add_particle(bent, velocity, inverse_mass, 0.0);
         }
@@ -241,7 +241,8 @@ mod tests {
             state.set_particle(0, 10.0, 0.0);
             let start = measure(&state, Vec3::ZERO);
             let mut caches = Caches::default();
-            let outputs = (0..20).map(|_| tick(&mut state, &mut caches, integrator)).last().expect("20 ticks");
+            let outputs =
+                (0..20).map(|_| tick(&mut state, &mut caches, integrator)).last().expect("20 ticks");
             let end = measure(&state, Vec3::ZERO);
             // 12 particles, 20 steps, each velocity rounded once or twice.
             assert!((end.momentum - start.momentum).length() < 12.0 * 20.0 * 1.2e-7 * 0.1, "{integrator}");
@@ -251,7 +252,8 @@ mod tests {
                 a - 2.0 * b + c
             };
             let (separation, rate) = (bent(&state.particles.position), bent(&state.particles.velocity));
-            let tension = separation.length() + f64::from(0.05_f32) * rate.dot(separation) / separation.length();
+            let tension =
+                separation.length() + f64::from(0.05_f32) * rate.dot(separation) / separation.length();
             assert_eq!(outputs.tensions.len(), 21);
             assert!((f64::from(outputs.tensions[11]) - tension).abs() < 1e-7, "{integrator}");
         }

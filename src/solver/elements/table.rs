@@ -129,7 +129,9 @@ mod tuples {
         ends.as_flattened().serialize(to)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<Vec<[u32; N]>, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
+        from: D,
+    ) -> Result<Vec<[u32; N]>, D::Error> {
         let flat = Vec::<u32>::deserialize(from)?;
         let (ends, rest) = flat.as_chunks::<N>();
         if rest.is_empty() { Ok(ends.to_vec()) } else { Err(D::Error::custom("a list of ends is cut off")) }

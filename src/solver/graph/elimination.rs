@@ -13,11 +13,11 @@
 //! two halves are eliminated side by side, which the processor does at the same time. An element of more than
 //! two ends couples all of them, so that these are in the core.
 
-use super::super::buckets::Buckets;
-use super::super::elements::{Acting, Elements};
-use super::super::particles::Particles;
 use super::hierarchy::Hierarchy;
 use super::{Islands, Linked};
+use crate::solver::buckets::Buckets;
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::particles::Particles;
 
 /// The nodes of an island, the elements between them, and the order of elimination.
 #[derive(Debug, Clone, Default)]
@@ -144,7 +144,8 @@ impl Elimination {
     fn sort_elements(&mut self, members: &[Linked], nodes: &[u32]) {
         let (trees, free) = (self.trees as u32, self.free as u32);
         let in_nodes = members.iter().map(|member| member.map_ends(|slot| nodes[slot as usize]));
-        let (mut pairs, compounds): (Vec<Linked>, Vec<Linked>) = in_nodes.partition(|member| member.count == 2);
+        let (mut pairs, compounds): (Vec<Linked>, Vec<Linked>) =
+            in_nodes.partition(|member| member.count == 2);
         self.compounds = compounds;
         for pair in &mut pairs {
             pair.ends[..2].sort_unstable();
@@ -193,8 +194,8 @@ impl Elimination {
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::{Bend, Spring};
     use super::*;
+    use crate::solver::elements::{Bend, Spring};
 
     fn eliminations(links: &[[u32; 2]], bends: &[[u32; 3]], inverse_mass: &[f32]) -> Vec<Elimination> {
         let (mut elements, mut particles) = (Elements::default(), Particles::default());
@@ -255,7 +256,10 @@ mod tests {
     #[test]
     fn the_ends_of_a_compound_are_in_the_core() {
         let all = eliminations(&[[0, 1], [1, 2], [2, 3], [3, 4]], &[[1, 2, 3]], &[0.0, 1.0, 1.0, 1.0, 1.0]);
-        assert_eq!((all[0].slots.clone(), all[0].trees, all[0].parents.clone()), (vec![4, 1, 2, 3, 0], 1, vec![3]));
+        assert_eq!(
+            (all[0].slots.clone(), all[0].trees, all[0].parents.clone()),
+            (vec![4, 1, 2, 3, 0], 1, vec![3])
+        );
         assert_eq!(all[0].compounds, [Linked::new(4, &[1, 2, 3])]);
     }
 }

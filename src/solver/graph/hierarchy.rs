@@ -99,8 +99,10 @@ mod tests {
     #[test]
     fn separate_rows_are_not_mixed() {
         let mut hierarchy = Hierarchy::default();
-        hierarchy
-            .build(20, &[NodeRun { first: 0, second: 1, count: 9 }, NodeRun { first: 10, second: 11, count: 9 }]);
+        hierarchy.build(
+            20,
+            &[NodeRun { first: 0, second: 1, count: 9 }, NodeRun { first: 10, second: 11, count: 9 }],
+        );
         let groups = &hierarchy.levels[0].groups;
         assert!(groups[..10].iter().all(|group| !groups[10..].contains(group)));
     }

@@ -3,9 +3,9 @@
 //! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
 //! exert no force.
 
-use super::super::elements::{Acting, Elements};
-use super::super::particles::Particles;
-use super::super::state::Version;
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::particles::Particles;
+use crate::solver::state::Version;
 
 /// The islands of free particles, in the order of their first slots.
 #[derive(Debug, Clone, Default)]
@@ -166,7 +166,8 @@ pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -
         if !has_loops {
             let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));
             let first = free.next();
-            has_loops |= ends.len() > 2 || free.any(|end| first.is_some_and(|first| !forest.join(first, end)));
+            has_loops |=
+                ends.len() > 2 || free.any(|end| first.is_some_and(|first| !forest.join(first, end)));
         }
     });
     has_loops
@@ -176,8 +177,8 @@ pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::{Bend, Spring};
     use super::*;
+    use crate::solver::elements::{Bend, Spring};
 
     fn particles(inverse_mass: &[f32]) -> Particles {
         let mut particles = Particles::default();
@@ -204,7 +205,10 @@ mod tests {
         let particles = particles(&[1.0, 1.0, 0.0, 1.0, 1.0, 1.0]);
         let mut elements = springs(&[[0, 1], [1, 2], [2, 3], [3, 4]]);
         let found = islands(&elements, &particles);
-        assert_eq!([0, 1, 2, 3, 4, 5].map(|slot| found.of(slot)), [Some(0), Some(0), None, Some(1), Some(1), None]);
+        assert_eq!(
+            [0, 1, 2, 3, 4, 5].map(|slot| found.of(slot)),
+            [Some(0), Some(0), None, Some(1), Some(1), None]
+        );
         assert_eq!(found.all(), [Island { elements: 2, has_loops: false }; 2]);
         elements.remove::<Spring, 2>(0);
         let found = islands(&elements, &particles);

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::super::elements::{Spring, Table};
+use crate::solver::elements::{Spring, Table};
 
 /// Runs stay within this number of particles, whose state fits in the first-level cache.
 const TILE: usize = 1024;
@@ -58,7 +58,10 @@ impl Layout {
     pub fn ranges(&self, particles: usize) -> impl Iterator<Item = Range<usize>> {
         let sorted = self.tiles.len();
         let late = (sorted..particles).step_by(Self::LATE_BLOCK);
-        self.ranges.iter().cloned().chain(late.map(move |start| start..particles.min(start + Self::LATE_BLOCK)))
+        self.ranges
+            .iter()
+            .cloned()
+            .chain(late.map(move |start| start..particles.min(start + Self::LATE_BLOCK)))
     }
 
     /// The tile of a slot.

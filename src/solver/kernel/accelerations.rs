@@ -3,10 +3,10 @@
 use bevy::math::Vec3;
 
 use super::Motion;
-use crate::solver::elements::{Element, Spring, for_each_kind};
 #[cfg(test)]
 use crate::solver::elements::Bend;
-use crate::solver::graph::blocks::{Block, Loose, MIN_RUN, Run};
+use crate::solver::elements::{Element, Spring, for_each_kind};
+use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
 use crate::solver::settings::Field;
 
 /// Springs computed before their forces are added: enough that the additions do not wait for the
@@ -162,15 +162,10 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
                     lower[2][lane] - upper[2][lane],
                 )
             };
-            let spring = Spring {
-                rest_length: rest_length[lane],
-                stiffness: stiffness[lane],
-                damping: damping[lane],
-            };
-            let pull = spring.pull(
-                between(&lower_position, &upper_position),
-                between(&lower_velocity, &upper_velocity),
-            );
+            let spring =
+                Spring { rest_length: rest_length[lane], stiffness: stiffness[lane], damping: damping[lane] };
+            let pull = spring
+                .pull(between(&lower_position, &upper_position), between(&lower_velocity, &upper_velocity));
             pulls[0][lane] = pull.x;
             pulls[1][lane] = pull.y;
             pulls[2][lane] = pull.z;

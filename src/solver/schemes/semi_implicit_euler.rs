@@ -4,9 +4,9 @@
 //! (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, 2006, I.1.2), at the cost of the
 //! explicit scheme.
 
-use super::super::kernel::{self, Accelerate, Advance, Motion, Moved};
-use super::super::parallel;
 use super::Stage;
+use crate::solver::kernel::{self, Accelerate, Advance, Motion, Moved};
+use crate::solver::parallel;
 
 /// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
 /// want the old one.
@@ -18,14 +18,10 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let moved = blocks.split(scratch.position.axes_mut()).zip(blocks.split(scratch.velocity.axes_mut()));
     let written = blocks.split(acceleration.axes_mut()).zip(moved);
     let parts = blocks.blocks.iter().zip(written);
-    parallel::for_each(
-        parts,
-        blocks.are_worth_sharing(),
-        |(block, (acceleration, (position, velocity)))| {
-            let accelerate = Accelerate { block, motion, field: *field, acceleration };
-            kernel::run(Advance { accelerate, substep, moved: Moved { position, velocity } });
-        },
-    );
+    parallel::for_each(parts, blocks.are_worth_sharing(), |(block, (acceleration, (position, velocity)))| {
+        let accelerate = Accelerate { block, motion, field: *field, acceleration };
+        kernel::run(Advance { accelerate, substep, moved: Moved { position, velocity } });
+    });
     std::mem::swap(&mut particles.position, &mut scratch.position);
     std::mem::swap(&mut particles.velocity, &mut scratch.velocity);
 }

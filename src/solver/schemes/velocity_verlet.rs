@@ -5,10 +5,10 @@
 //! λ = 1), which keeps the second order with damping and is the original scheme without. The a of a substep
 //! is the a' of the one before, so that each costs one evaluation; the first of a tick takes a(x, v).
 
-use super::super::kernel::{self, Accelerate, Correct, Motion, Predict};
-use super::super::parallel;
-use super::super::particles::Vectors;
 use super::Stage;
+use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict};
+use crate::solver::parallel;
+use crate::solver::particles::Vectors;
 
 /// What the last substep has left for the next one, besides the state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -57,15 +57,11 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let motion = Motion::of(particles);
     let written = blocks.split(other_acceleration.axes_mut()).zip(blocks.split(other_velocity.axes_mut()));
     let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(written);
-    parallel::for_each(
-        parts,
-        is_shared,
-        |((block, predicted_acceleration), (acceleration, velocity))| {
-            let predicted_acceleration = predicted_acceleration.map(|axis| &*axis);
-            let accelerate = Accelerate { block, motion, field: *field, acceleration };
-            kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
-        },
-    );
+    parallel::for_each(parts, is_shared, |((block, predicted_acceleration), (acceleration, velocity))| {
+        let predicted_acceleration = predicted_acceleration.map(|axis| &*axis);
+        let accelerate = Accelerate { block, motion, field: *field, acceleration };
+        kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
+    });
     std::mem::swap(&mut particles.velocity, other_velocity);
     std::mem::swap(*acceleration, other_acceleration);
     scratch.carried = Carried::Accelerations;

@@ -5,10 +5,10 @@ mod modes;
 mod plan;
 mod tally;
 
-use super::elements::Elements;
-use super::graph::{for_each_coupling, has_loops};
-use super::particles::Particles;
-use super::settings::Integrator;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{for_each_coupling, has_loops};
+use crate::solver::particles::Particles;
+use crate::solver::settings::Integrator;
 pub use plan::Plan;
 pub(super) use plan::Planner;
 use tally::Tally;
@@ -148,7 +148,8 @@ impl FrequencyBounds {
     /// The substeps of semi-implicit Euler in a tick of `time_step` seconds under `Auto`, if the net is damped
     /// and they are many enough to be accurate.
     fn damped_substeps(&self, time_step: f32) -> Option<u32> {
-        let substeps = self.resolving_substeps(Integrator::SemiImplicitEuler, FIRST_ORDER_RESOLUTION, time_step);
+        let substeps =
+            self.resolving_substeps(Integrator::SemiImplicitEuler, FIRST_ORDER_RESOLUTION, time_step);
         (self.damping_rate > 0.0 && substeps >= MIN_FIRST_ORDER_SUBSTEPS).then_some(substeps)
     }
 
@@ -253,7 +254,9 @@ mod tests {
                 for share in 1..=50 {
                     let omega = omega * f64::from(share) / 50.0;
                     let least_gamma = match scheme {
-                        Integrator::ExplicitEuler | Integrator::SecondOrderTaylor => retardation_time * omega * omega,
+                        Integrator::ExplicitEuler | Integrator::SecondOrderTaylor => {
+                            retardation_time * omega * omega
+                        }
                         _ => 0.0,
                     };
                     for blend in 0..=20 {

@@ -1,12 +1,12 @@
 //! Which scheme advances each island in a tick, and in how many substeps.
 
-use super::super::elements::Elements;
-use super::super::graph::{IslandSet, Islands, for_each_coupling};
-use super::super::particles::Particles;
-use super::super::settings::{Integrator, StepSettings, SubstepMode};
-use super::super::state::Version;
 use super::FrequencyBounds;
 use super::tally::Tally;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{IslandSet, Islands, for_each_coupling};
+use crate::solver::particles::Particles;
+use crate::solver::settings::{Integrator, StepSettings, SubstepMode};
+use crate::solver::state::Version;
 
 /// What a tick runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -176,8 +176,8 @@ impl Planner {
 pub(super) mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::Spring;
     use super::*;
+    use crate::solver::elements::Spring;
 
     const TIME_STEP: f32 = 1.0 / 64.0;
 

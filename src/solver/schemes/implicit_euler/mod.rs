@@ -23,11 +23,11 @@ mod system;
 
 use bevy::math::{DVec3, Vec3};
 
-use super::super::elements::Elements;
-use super::super::graph::{Elimination, IslandSet, Islands};
-use super::super::particles::{Particles, Vectors};
-use super::super::settings::Field;
-use super::super::state::Version;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{Elimination, IslandSet, Islands};
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::Field;
+use crate::solver::state::Version;
 use newton::Newton;
 use system::System;
 
@@ -72,7 +72,8 @@ impl ImplicitEuler {
         }));
         let is_other = |slot: &u32| {
             let slot = *slot as usize;
-            islands.of(slot).is_none() && wanted.is_none_or(|wanted| wanted.contains(islands, particles, slot))
+            islands.of(slot).is_none()
+                && wanted.is_none_or(|wanted| wanted.contains(islands, particles, slot))
         };
         self.others.clear();
         self.others.extend((0..particles.len() as u32).filter(is_other));
@@ -80,9 +81,10 @@ impl ImplicitEuler {
 
     /// The slots of the particles that it advances.
     pub fn slots(&self) -> impl Iterator<Item = usize> {
-        let islands = self.islands.iter().flat_map(|Island { elimination, .. }| {
-            elimination.slots[..elimination.free].iter()
-        });
+        let islands = self
+            .islands
+            .iter()
+            .flat_map(|Island { elimination, .. }| elimination.slots[..elimination.free].iter());
         islands.chain(&self.others).map(|slot| *slot as usize)
     }
 

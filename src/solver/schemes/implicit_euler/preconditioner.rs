@@ -11,9 +11,9 @@ use bevy::math::DVec3;
 
 use super::block::{Factor, Symmetric};
 use super::core::{get, set, thirds, thirds_mut};
-use crate::solver::graph::Hierarchy;
 use super::system::System;
 use crate::solver::graph::Elimination;
+use crate::solver::graph::Hierarchy;
 
 #[derive(Debug, Clone, Default)]
 pub(super) struct Preconditioner {
