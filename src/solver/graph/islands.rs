@@ -99,17 +99,19 @@ impl Islands {
 pub(in crate::solver) struct IslandSet {
     islands: Vec<bool>,
     others: bool,
+    /// Of the islands that it is a set of.
+    key: (Version, Version),
     version: Version,
 }
 
 impl IslandSet {
-    /// Makes it these islands, and the free particles in none if `others`.
-    pub fn set(&mut self, islands: impl Iterator<Item = bool> + Clone, others: bool, are_new: bool) {
-        if are_new || self.others != others || !self.islands.iter().copied().eq(islands.clone()) {
+    /// Makes it those of `islands` that are `chosen`, and the free particles in none if `others`.
+    pub fn set(&mut self, islands: &Islands, chosen: impl Iterator<Item = bool> + Clone, others: bool) {
+        let is_same = self.key == islands.key && self.others == others;
+        if !is_same || !self.islands.iter().copied().eq(chosen.clone()) {
             self.islands.clear();
-            self.islands.extend(islands);
-            self.others = others;
-            self.version = Version::new();
+            self.islands.extend(chosen);
+            (self.others, self.key, self.version) = (others, islands.key, Version::new());
         }
     }
 

@@ -134,7 +134,6 @@ impl Planner {
         time_step: f32,
         minimum: u32,
     ) -> Plan {
-        let last_key = self.island_key;
         self.refresh_island_bounds(elements, particles, viscosity);
         let (bounds, others) = &self.island_bounds;
         let is_stiff = |bounds: &FrequencyBounds| bounds.is_stiff(time_step, minimum);
@@ -163,7 +162,7 @@ impl Planner {
             let is_explicit = together.0 != Integrator::ImplicitEuler;
             return if is_explicit { together } else { (Integrator::VelocityVerlet, explicit) }.into();
         }
-        self.stiff.set(bounds.iter().map(is_stiff), others_are_stiff, last_key != self.island_key);
+        self.stiff.set(&self.islands, bounds.iter().map(is_stiff), others_are_stiff);
         let implicit =
             FrequencyBounds { has_loops, ..*whole }.auto_substeps(Integrator::ImplicitEuler, time_step);
         let stiff_substeps = implicit.max(minimum);
