@@ -117,6 +117,7 @@ impl std::str::FromStr for Integrator {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum SubstepMode {
     /// As many as the stability bound of the integrator asks for, and at least 4; of
     /// [`Integrator::ImplicitEuler`] 4, or 2 where springs form loops; of [`Integrator::Xpbd`] 20.

@@ -27,6 +27,13 @@ pub(super) struct Impulses {
     pub friction: Vec3,
 }
 
+impl Impulses {
+    /// The same where the other particle counts as the upper one.
+    pub fn of_other(self) -> Self {
+        Self { normal: self.normal, friction: -self.friction }
+    }
+}
+
 /// A pair that touches, in one cache line.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
