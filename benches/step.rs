@@ -220,8 +220,8 @@ mod naive {
 
 fn settings() -> StepSettings {
     StepSettings {
-        scheme: Integrator::SemiImplicitEuler,
-        substeps: SUBSTEPS,
+        integrator: Integrator::SemiImplicitEuler,
+        substeps: SubstepMode::Fixed(SUBSTEPS),
         time_step: TICK,
         gravity: GRAVITY,
         ..StepSettings::default()
@@ -264,7 +264,11 @@ fn nets(criterion: &mut Criterion) {
         let mut world = naive::World::of(&net);
         group.bench_function("naive", |bencher| bencher.iter(|| black_box(&mut world).tick()));
         let (mut state, settings) = (net.solver_state(), settings());
-        group.bench_function("solver", |bencher| bencher.iter(|| black_box(&mut state).step(&settings)));
+        group.bench_function("solver", |bencher| {
+            bencher.iter(|| {
+                black_box(&mut state).step(&settings);
+            })
+        });
         let mut app = net.app();
         group.bench_function("tick", |bencher| bencher.iter(|| app.update()));
         group.finish();
@@ -297,7 +301,8 @@ fn box_of_balls(count: usize) -> Solver {
 fn balls(criterion: &mut Criterion) {
     let count = 10_000;
     let settings = StepSettings {
-        substeps: 4,
+        integrator: Integrator::SemiImplicitEuler,
+        substeps: SubstepMode::Fixed(4),
         gravity: GRAVITY,
         pair_rules: Some(PairRules::default()),
         ..StepSettings::default()
@@ -318,7 +323,7 @@ fn balls(criterion: &mut Criterion) {
                 || state.clone(),
                 |state| {
                     for _ in 0..10 {
-                        black_box(state).step(&settings);
+                        black_box(&mut *state).step(&settings);
                     }
                 },
                 criterion::BatchSize::LargeInput,

@@ -39,7 +39,7 @@ pub fn run(_lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         let largest = (0..LINKS).map(error).fold(0.0, f64::max);
         table.row([
             format!("`{integrator}`"),
-            simulation.choice(integrator),
+            simulation.choice(),
             format!("{} %", number(error(0) * 100.0)),
             format!("{} %", number(largest * 100.0)),
             number(simulation.milliseconds()),

@@ -119,10 +119,10 @@ fn runs(integrator: Integrator, net: &Net, truth: &[DVec3]) -> Vec<Run> {
     let mut runs = Vec::new();
     for choice in choices {
         let mut simulation = Simulation::new(net, integrator, choice, TICK);
-        let milliseconds = run_repeatedly(&mut simulation);
+        let milliseconds = run_repeatedly(&mut simulation, net);
         let error = root_mean_square(&simulation.positions(), truth);
         if error.is_finite() {
-            runs.push(Run { substeps: simulation.choice(integrator), milliseconds, error });
+            runs.push(Run { substeps: simulation.choice(), milliseconds, error });
         }
     }
     runs
@@ -135,11 +135,10 @@ fn doublings(most: u32) -> Vec<SubstepMode> {
 
 /// The cost of a tick, ms: the mean over the ticks of the minimum of several runs, which all do the same
 /// work, to which other programs only add.
-fn run_repeatedly(simulation: &mut Simulation) -> f64 {
-    let start = simulation.state.particles.clone();
+fn run_repeatedly(simulation: &mut Simulation, net: &Net) -> f64 {
     let mut least = [f64::INFINITY; TICKS];
     for _ in 0..REPEATS {
-        simulation.state.particles = start.clone();
+        simulation.restart(net);
         for least in &mut least {
             *least = least.min(simulation.tick());
         }

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use bevy::math::DVec3;
-use bevy_mass_spring::settings::Substeps;
+use bevy_mass_spring::settings::SubstepMode;
 
 use crate::Lab;
 use crate::document::{Section, Table, signed};
@@ -28,7 +28,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             let last = points.last().map_or(f64::NAN, |(_, change)| *change);
             let finding = finding(&points, last);
             if index == 0 {
-                cells[1] = simulation.choice(integrator);
+                cells[1] = simulation.choice();
                 lab.findings.note(ENERGY, integrator, finding.clone());
             }
             cells.push(finding);

@@ -88,7 +88,7 @@ fn swing(integrator: Integrator) -> (Swing, Cost) {
         simulation.run(1);
         heights.push(simulation.position(LINKS).y);
     }
-    let cost = Cost { choice: simulation.choice(integrator), milliseconds: simulation.milliseconds() };
+    let cost = Cost { choice: simulation.choice(), milliseconds: simulation.milliseconds() };
     (lowest(&heights), cost)
 }
 

@@ -1,7 +1,7 @@
 //! Nets of particles and springs, from which both the solver's state and the f64 reference are made.
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::Solver;
+use bevy_mass_spring::solver::{FrequencyBounds, Solver, Spring};
 
 /// m/s², as the solver has it.
 pub const GRAVITY: f64 = 9.81_f32 as f64;
@@ -26,7 +26,9 @@ pub struct Net {
     pub position: Vec<DVec3>,
     /// m/s
     pub velocity: Vec<DVec3>,
-    /// 1/kg; 0: pinned
+    /// kg; infinite: pinned
+    mass: Vec<f32>,
+    /// 1/kg, as the solver computes it; 0: pinned
     pub inverse_mass: Vec<f64>,
     pub links: Vec<Link>,
     /// Of the medium, N·s/m
@@ -80,7 +82,9 @@ impl Net {
     fn add_particle(&mut self, position: DVec3, mass: f64) {
         self.position.push(position.as_vec3().as_dvec3());
         self.velocity.push(DVec3::ZERO);
-        self.inverse_mass.push(rounded(1.0 / mass));
+        self.mass.push(0.0);
+        self.inverse_mass.push(0.0);
+        self.set_mass(self.mass.len() - 1, mass);
     }
 
     fn add_link(&mut self, ends: [usize; 2], rest_length: f64, stiffness: f64, damping: f64) {
@@ -90,7 +94,8 @@ impl Net {
 
     /// Replaces the mass of a particle: kg, or infinite.
     pub fn set_mass(&mut self, slot: usize, mass: f64) {
-        self.inverse_mass[slot] = rounded(1.0 / mass);
+        self.mass[slot] = mass as f32;
+        self.inverse_mass[slot] = f64::from(1.0 / self.mass[slot]);
     }
 
     /// The weight of all free particles, N.
@@ -99,43 +104,31 @@ impl Net {
     }
 
     /// The same net as the solver has it.
-    pub fn solver_state(&self) -> Solver {
-        let mut state = Solver::default();
+    pub fn solver(&self) -> Solver {
+        let mut solver = Solver::default();
         for slot in 0..self.position.len() {
-            state
-                .add_particle(self.position[slot].as_vec3(), self.velocity[slot].as_vec3(), 1.0, 0.0)
-                .unwrap();
-            state.particles.inverse_mass[slot] = self.inverse_mass[slot] as f32;
+            let (position, velocity) = (self.position[slot].as_vec3(), self.velocity[slot].as_vec3());
+            solver.add_particle(position, velocity, self.mass[slot], 0.0).expect("masses are > 0");
         }
         for link in &self.links {
-            let [first, second] = link.ends;
-            let [length, stiffness, damping] =
+            let [rest_length, stiffness, damping] =
                 [link.rest_length, link.stiffness, link.damping].map(|value| value as f32);
-            state
-                .add_spring(
-                    [first, second],
-                    solver::Spring { rest_length: length, stiffness: stiffness, damping: damping },
-                )
-                .unwrap();
+            let spring = Spring { rest_length, stiffness, damping };
+            solver.add_spring(link.ends, spring).expect("links join different particles");
         }
-        state
+        solver
     }
 
     /// What limits the substeps of this net.
     pub fn frequency_bounds(&self) -> FrequencyBounds {
-        let inverse_mass: Vec<f32> = self.inverse_mass.iter().map(|inverse| *inverse as f32).collect();
-        let springs = self
-            .links
-            .iter()
-            .map(|link| (link.ends[0], link.ends[1], link.stiffness as f32, link.damping as f32));
-        FrequencyBounds::of(&inverse_mass, springs, self.viscosity as f32)
+        self.solver().frequency_bounds(self.viscosity as f32)
     }
 
-    /// Continues from the positions and velocities of `state`.
-    pub fn take(&mut self, state: &Solver) {
+    /// Continues from the positions and velocities of `solver`.
+    pub fn take(&mut self, solver: &Solver) {
         for slot in 0..self.position.len() {
-            self.position[slot] = state.position(slot).as_dvec3();
-            self.velocity[slot] = state.velocity(slot).as_dvec3();
+            self.position[slot] = solver.position(slot).as_dvec3();
+            self.velocity[slot] = solver.velocity(slot).as_dvec3();
         }
     }
 

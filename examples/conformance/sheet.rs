@@ -21,7 +21,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     let mut net = Net::sheet(81, 0.01, 1e5, 0.0, false);
     let mut before = Simulation::new(&net, Integrator::ImplicitEuler, SubstepMode::Fixed(1), TICK);
     before.run(TICKS_BEFORE);
-    net.take(&before.state);
+    net.take(&before.solver);
     let seconds = f64::from(TICK as f32);
     let truth = reference::motion(&net, seconds, 1e-8);
     let converged = backward_euler::step(&net, seconds);
@@ -42,7 +42,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
             if error < 1.0 {
                 table.row([
                     format!("`{integrator}`"),
-                    simulation.choice(integrator),
+                    simulation.choice(),
                     number(milliseconds),
                     number(error),
                     if is_step { number(deviation) } else { String::new() },
@@ -98,11 +98,10 @@ fn candidates(integrator: Integrator) -> Vec<SubstepMode> {
 /// The tick, and its cost after a first run: the minimum of five, ms.
 fn one_tick(net: &Net, integrator: Integrator, substeps: SubstepMode) -> (Simulation, f64) {
     let mut simulation = Simulation::new(net, integrator, substeps, TICK);
-    let start = simulation.state.particles.clone();
     simulation.tick();
     let mut least = f64::INFINITY;
     for _ in 0..5 {
-        simulation.state.particles = start.clone();
+        simulation.restart(net);
         least = least.min(simulation.tick());
     }
     (simulation, least)

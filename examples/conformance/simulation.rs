@@ -3,38 +3,42 @@
 use std::time::Instant;
 
 use bevy::math::DVec3;
-use bevy_mass_spring::settings::{Integrator, SolverSettings, SubstepMode};
-use bevy_mass_spring::solver::{Integrator, Solver, StepSettings};
+use bevy_mass_spring::solver::{Integrator, Plan, Solver, StepSettings, SubstepMode};
 
 use crate::net::{Net, gravity};
 
 /// Every named scheme, and `Auto`.
 pub fn integrators() -> impl Iterator<Item = Integrator> {
-    Integrator::named().into_iter().map(Integrator::from).chain([Integrator::Auto])
+    Integrator::named().chain([Integrator::Auto])
 }
 
 /// A run.
 pub struct Simulation {
-    pub state: Solver,
-    pub settings: StepSettings,
+    pub solver: Solver,
+    settings: StepSettings,
     milliseconds: Vec<f64>,
 }
 
 impl Simulation {
     /// `net` in ticks of `time_step` seconds under gravity.
     pub fn new(net: &Net, integrator: Integrator, substeps: SubstepMode, time_step: f64) -> Self {
-        let time_step = time_step as f32;
-        let settings = SolverSettings { integrator, substeps };
-        let (scheme, substeps) = settings.choose(&net.frequency_bounds(), time_step);
         let settings = StepSettings {
-            scheme,
+            integrator,
             substeps,
-            time_step,
+            time_step: time_step as f32,
             gravity: gravity(),
             viscosity: net.viscosity as f32,
             ..StepSettings::default()
         };
-        Self { state: net.solver_state(), settings, milliseconds: Vec::new() }
+        Self { solver: net.solver(), settings, milliseconds: Vec::new() }
+    }
+
+    /// Back to the positions and velocities of `net`.
+    pub fn restart(&mut self, net: &Net) {
+        for slot in 0..net.position.len() {
+            self.solver.set_position(slot, net.position[slot].as_vec3());
+            self.solver.set_velocity(slot, net.velocity[slot].as_vec3());
+        }
     }
 
     /// With one substep where every step is stable, else as many as the stability bound asks for.
@@ -49,7 +53,7 @@ impl Simulation {
     /// Runs one tick; returns its cost, ms.
     pub fn tick(&mut self) -> f64 {
         let start = Instant::now();
-        self.state.step(&self.settings);
+        self.solver.step(&self.settings);
         let milliseconds = start.elapsed().as_secs_f64() * 1e3;
         self.milliseconds.push(milliseconds);
         milliseconds
@@ -67,23 +71,23 @@ impl Simulation {
 
     /// Whether every coordinate is a number.
     pub fn is_finite(&self) -> bool {
-        self.state.particles.position.axes().iter().all(|axis| axis.iter().all(|value| value.is_finite()))
+        self.positions().iter().all(|position| position.is_finite())
     }
 
     /// Kinetic, elastic and gravitational energy, J.
     pub fn energy(&self) -> f64 {
-        let totals = self.state.measure(self.settings.gravity);
+        let totals = self.solver.measure(self.settings.gravity);
         totals.kinetic_energy + totals.elastic_energy + totals.gravitational_energy
     }
 
     /// m
     pub fn position(&self, slot: usize) -> DVec3 {
-        self.state.position(slot).as_dvec3()
+        self.solver.position(slot).as_dvec3()
     }
 
     /// m
     pub fn positions(&self) -> Vec<DVec3> {
-        (0..self.state.particle_count()).map(|slot| self.position(slot)).collect()
+        (0..self.solver.particle_count()).map(|slot| self.position(slot)).collect()
     }
 
     /// The median cost of a tick so far.
@@ -93,11 +97,16 @@ impl Simulation {
         sorted[sorted.len() / 2]
     }
 
-    /// What ran: `4` substeps, or, for `Auto`, the scheme that was chosen and its substeps.
-    pub fn choice(&self, integrator: Integrator) -> String {
-        match integrator {
-            Integrator::Auto => format!("{:?}, {}", self.settings.scheme, self.settings.substeps),
-            _ => self.settings.substeps.to_string(),
+    /// What ran in the last tick: `4` substeps, or, for `Auto`, the schemes that were chosen and their substeps.
+    pub fn choice(&self) -> String {
+        let Plan { integrator, substeps, stiff_substeps, stiff_springs, .. } = self.solver.outputs().plan;
+        match (self.settings.integrator, stiff_substeps) {
+            (Integrator::Auto, 0) => format!("{integrator}, {substeps}"),
+            (Integrator::Auto, _) => {
+                let implicit = Integrator::ImplicitEuler;
+                format!("{integrator}, {substeps}; {implicit}, {stiff_substeps}, on {stiff_springs} springs")
+            }
+            _ => substeps.to_string(),
         }
     }
 }

@@ -3,7 +3,6 @@
 use std::error::Error;
 
 use bevy::math::DVec3;
-use bevy_mass_spring::solver::energy;
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
@@ -35,7 +34,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         let mut largest: f64 = 0.0;
         for _ in 0..600 {
             simulation.run(1);
-            let stretch = simulation.state.measure(gravity()).max_stretch;
+            let stretch = simulation.solver.measure(gravity()).max_stretch;
             largest = if simulation.is_finite() { largest.max(stretch) } else { f64::INFINITY };
             if !largest.is_finite() {
                 break;
@@ -44,7 +43,7 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
         let stretch =
             if largest.is_finite() { format!("{} %", number(largest * 100.0)) } else { "explodes".into() };
         lab.findings.note(STRETCH, integrator, stretch.clone());
-        let choice = simulation.choice(integrator);
+        let choice = simulation.choice();
         table.row([format!("`{integrator}`"), choice, stretch, number(simulation.milliseconds())]);
     }
     section.table(table);
@@ -74,7 +73,7 @@ fn mixed(lab: &Lab, section: &mut Section) -> Result<(), Box<dyn Error>> {
             net.tensions(&simulation.positions()).iter().map(|tension| tension.x.abs()).collect();
         let mean = pulls.iter().sum::<f64>() / LINKS as f64;
         let worst = pulls.iter().map(|pull| (pull / truth - 1.0).abs()).fold(0.0, f64::max);
-        let choice = simulation.choice(integrator);
+        let choice = simulation.choice();
         let cells = if mean.is_finite() {
             [format!("{} N", number(mean)), format!("{} %", number(worst * 100.0))]
         } else {

@@ -76,11 +76,12 @@ fn fall(integrator: Integrator, stiffness: f64, time_step: f64) -> Outcome {
     };
     let mut simulation = Simulation::new(&net, integrator, substeps, time_step);
     let (start, weight) = (simulation.energy(), net.weight());
-    let choice = simulation.choice(integrator);
     let (mut most, mut last, mut note) = (f64::NEG_INFINITY, 0.0, String::new());
+    let mut choice = String::new();
     let begin = Instant::now();
     for tick in 1..=(SECONDS / time_step).round() as usize {
         simulation.tick();
+        choice = simulation.choice();
         last = (simulation.energy() - start) / weight;
         if !simulation.is_finite() || last.is_nan() || last > 1e3 {
             // Stretched springs have energy without moving.

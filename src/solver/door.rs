@@ -6,10 +6,11 @@ use crate::solver::collision::Plane;
 use crate::solver::elements::Spring;
 use crate::solver::energy::{Measurements, measure};
 use crate::solver::outputs::Outputs;
+use crate::solver::particles::PinnedMotion;
 use crate::solver::settings::StepSettings;
 use crate::solver::stability::{FrequencyBounds, Plan};
 use crate::solver::state::State;
-use crate::solver::step::{Caches, Inputs, PinnedMotion, step};
+use crate::solver::step::{Caches, Inputs, step};
 
 /// Particles joined by springs, without Bevy's ECS.
 ///

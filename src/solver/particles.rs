@@ -122,6 +122,36 @@ pub(crate) fn set(slice: &mut [&mut [f32]; 3], index: usize, value: Vec3) {
     }
 }
 
+/// The prescribed motion of a pinned particle in one tick: a straight line at constant velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PinnedMotion {
+    /// Slot of the particle, which is pinned.
+    pub slot: usize,
+    /// Position at the start of the tick, m.
+    pub start: Vec3,
+    /// Position at the end of the tick, m, reached exactly.
+    pub target: Vec3,
+}
+
+/// Where the pinned particles are after the fraction `elapsed` of a tick of `time_step` seconds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PinnedMotions<'a> {
+    pub motions: &'a [PinnedMotion],
+    pub elapsed: f32,
+    pub time_step: f32,
+}
+
+impl PinnedMotions<'_> {
+    /// Puts them there.
+    pub fn apply(self, particles: &mut Particles) {
+        for &PinnedMotion { slot, start, target } in self.motions {
+            let position = if self.elapsed == 1.0 { target } else { start.lerp(target, self.elapsed) };
+            particles.position.set(slot, position);
+            particles.velocity.set(slot, (target - start) / self.time_step);
+        }
+    }
+}
+
 /// The particles, one slot each.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]

@@ -1,13 +1,11 @@
 //! A tick: plan → substeps → outputs.
 
-use bevy::math::Vec3;
-
 use crate::solver::collision::{ContactCaches, Plane, Substep};
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
 use crate::solver::outputs::Outputs;
-use crate::solver::particles::Particles;
+use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use crate::solver::settings::{Integrator, StepSettings};
+use crate::solver::settings::{Field, Integrator, StepSettings};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 
@@ -18,17 +16,6 @@ pub struct Inputs {
     pub pinned: Vec<PinnedMotion>,
     /// The planes.
     pub planes: Vec<Plane>,
-}
-
-/// The prescribed motion of a pinned particle in one tick: a straight line at constant velocity.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PinnedMotion {
-    /// Slot of the particle, which is pinned.
-    pub slot: usize,
-    /// Position at the start of the tick, m.
-    pub start: Vec3,
-    /// Position at the end of the tick, m, reached exactly.
-    pub target: Vec3,
 }
 
 /// All that is derived from the state, and working memory. New ones give the same results.
@@ -65,12 +52,11 @@ pub(crate) fn step(
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(&state.particles.position, &inputs.planes, settings);
-        caches.advance(state, settings, plan, index, duration);
         let elapsed =
             if index + 1 == plan.substeps { 1.0 } else { (index + 1) as f32 / plan.substeps as f32 };
-        for motion in &inputs.pinned {
-            motion.move_particle(&mut state.particles, elapsed, settings.time_step);
-        }
+        let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
+        caches.advance(state, settings.field(), pinned, plan, (index, duration));
+        pinned.apply(&mut state.particles);
         let substep = Substep {
             elements: &state.elements,
             planes: &inputs.planes,
@@ -91,15 +77,6 @@ pub(crate) fn step(
     state.particles.velocity.clear_negligible();
     outputs.contact_count = caches.contacts.count();
     outputs.end_tick(&state.elements, &state.particles);
-}
-
-impl PinnedMotion {
-    /// Puts the particle where it is after the fraction `elapsed` of a tick of `time_step` seconds.
-    fn move_particle(&self, particles: &mut Particles, elapsed: f32, time_step: f32) {
-        let Self { slot, start, target } = *self;
-        particles.position.set(slot, if elapsed == 1.0 { target } else { start.lerp(target, elapsed) });
-        particles.velocity.set(slot, (target - start) / time_step);
-    }
 }
 
 impl Caches {
@@ -151,9 +128,15 @@ impl Caches {
     }
 
     /// Advances all particles by the substep of this `index`, of `substep` seconds.
-    fn advance(&mut self, state: &mut State, settings: &StepSettings, plan: Plan, index: u32, substep: f32) {
+    fn advance(
+        &mut self,
+        state: &mut State,
+        field: Field,
+        pinned: PinnedMotions,
+        plan: Plan,
+        (index, substep): (u32, f32),
+    ) {
         let State { particles, elements, .. } = state;
-        let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         let position = (plan.stiff_substeps > 0).then(|| {
             let count = plan.substeps / plan.stiff_substeps;
@@ -163,7 +146,7 @@ impl Caches {
             let acceleration = &mut scratch.acceleration;
             interleaved.before_substep(implicit_euler, elements, particles, acceleration, field, position);
         }
-        let net = Net { elements, blocks, colouring, field };
+        let net = Net { elements, blocks, colouring, field, pinned };
         schemes::advance(plan.integrator, net, particles, scratch, implicit_euler, substep);
         if let Some(position) = position {
             interleaved.after_substep(particles, &mut scratch.acceleration, position);

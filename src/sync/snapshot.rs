@@ -1,6 +1,6 @@
 //! Snapshots: all that the next ticks depend on, and how it is put back; the initial state is one.
 
-use bevy::ecs::entity::{EntityHashMap, EntityMapper, MapEntities};
+use bevy::ecs::entity::{EntityHashMap, EntityMapper, MapEntities, SceneEntityMapper};
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
@@ -123,7 +123,8 @@ impl Snapshot {
             map.extend(from.into_iter().zip(to));
         }
         let mut snapshot = self.clone();
-        snapshot.map_entities(&mut map);
+        // What was despawned before the snapshot was taken becomes entities that do not exist here either.
+        SceneEntityMapper::world_scope(&mut map, world, |_, mapper| snapshot.map_entities(mapper));
         snapshot.put_back(world);
         Ok(())
     }

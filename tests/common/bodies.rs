@@ -1,7 +1,7 @@
 //! Balls and planes in the pure solver.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{Integrator, PairRules, Plane, Solver, StepSettings};
+use bevy_mass_spring::solver::{Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode};
 
 /// The acceleration of gravity in these tests, m/s².
 pub const GRAVITY: f32 = 9.81;
@@ -39,13 +39,23 @@ pub fn with_ground(mut state: Solver, restitution: f32, friction: f32) -> Solver
 
 /// Ticks of 1/60 s under gravity; no ball collides with another.
 pub fn falling(scheme: Integrator, substeps: u32) -> StepSettings {
-    StepSettings { scheme, substeps, gravity: Vec3::NEG_Y * GRAVITY, ..StepSettings::default() }
+    StepSettings {
+        integrator: scheme,
+        substeps: SubstepMode::Fixed(substeps),
+        gravity: Vec3::NEG_Y * GRAVITY,
+        ..StepSettings::default()
+    }
 }
 
 /// Ticks of 1/60 s without gravity; balls collide.
 pub fn floating(scheme: Integrator, restitution: f32) -> StepSettings {
     let pair_rules = Some(PairRules { restitution, friction: 0.0 });
-    StepSettings { scheme, pair_rules, ..StepSettings::default() }
+    StepSettings {
+        substeps: SubstepMode::Fixed(1),
+        integrator: scheme,
+        pair_rules,
+        ..StepSettings::default()
+    }
 }
 
 /// Steps until something has touched, at most `ticks` ticks.
@@ -58,6 +68,22 @@ pub fn step_past_contact(state: &mut Solver, settings: &StepSettings, ticks: u32
         }
     }
     panic!("nothing touched within {ticks} ticks");
+}
+
+/// The positions of all particles.
+pub fn positions(state: &Solver) -> Vec<Vec3> {
+    (0..state.particle_count()).map(|slot| state.position(slot)).collect()
+}
+
+/// The velocities of all particles.
+pub fn velocities(state: &Solver) -> Vec<Vec3> {
+    (0..state.particle_count()).map(|slot| state.velocity(slot)).collect()
+}
+
+/// The bits of all positions and velocities.
+pub fn solver_bits(state: &Solver) -> Vec<u32> {
+    let vectors = positions(state).into_iter().chain(velocities(state));
+    vectors.flat_map(|vector| vector.to_array()).map(f32::to_bits).collect()
 }
 
 pub fn position(state: &Solver, slot: usize) -> Vec3 {

@@ -35,19 +35,21 @@ pub struct Reference {
 impl Reference {
     /// The solver's state as it is now, without gravity and viscosity.
     pub fn of(state: &Solver) -> Self {
-        let (particles, springs) = (&state.particles, &state.springs);
-        let slots = 0..particles.len();
+        let slots = 0..state.particle_count();
         Self {
-            position: slots.clone().map(|slot| particles.position.get(slot).as_dvec3()).collect(),
-            velocity: slots.clone().map(|slot| particles.velocity.get(slot).as_dvec3()).collect(),
-            force: slots.map(|slot| particles.applied_force.get(slot).as_dvec3()).collect(),
-            inverse_mass: particles.inverse_mass.iter().map(|inverse| f64::from(*inverse)).collect(),
-            springs: (0..springs.len())
-                .map(|spring| ReferenceSpring {
-                    ends: springs.ends(spring).into(),
-                    rest_length: springs.rest_length()[spring].into(),
-                    stiffness: springs.stiffness()[spring].into(),
-                    damping: springs.damping()[spring].into(),
+            position: slots.clone().map(|slot| state.position(slot).as_dvec3()).collect(),
+            velocity: slots.clone().map(|slot| state.velocity(slot).as_dvec3()).collect(),
+            force: slots.clone().map(|slot| state.applied_force(slot).as_dvec3()).collect(),
+            inverse_mass: slots.map(|slot| state.inverse_mass(slot).into()).collect(),
+            springs: (0..state.spring_count())
+                .map(|number| {
+                    let (ends, spring) = state.spring(number);
+                    ReferenceSpring {
+                        ends,
+                        rest_length: spring.rest_length.into(),
+                        stiffness: spring.stiffness.into(),
+                        damping: spring.damping.into(),
+                    }
                 })
                 .collect(),
             ..Self::default()
@@ -122,6 +124,7 @@ impl Reference {
                 self.position = backward_euler::solve(self, h);
                 self.velocity = sum(&self.position, -1.0, &x).iter().map(|moved| *moved / h).collect();
             }
+            other => unimplemented!("{other} has no recurrence"),
         }
     }
 }

@@ -33,6 +33,7 @@ fn assert_names(line: &str, entity: Entity, words: &[&str]) {
 fn a_spring_left_dangling_is_named_exactly_once() {
     let logged = Logged::start();
     let mut app = app();
+    app.insert_resource(OrphanedSprings::Keep);
     let chain = unrelated_chain(&mut app);
     let (first, second) = (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X));
     let spring = join(&mut app, Spring::new(first, second, 1.0));
@@ -56,6 +57,7 @@ fn a_spring_left_dangling_is_named_exactly_once() {
 fn a_dangling_spring_that_finds_a_new_end_works_and_is_named_again_when_it_loses_it() {
     let logged = Logged::start();
     let mut app = app();
+    app.insert_resource(OrphanedSprings::Keep);
     let (first, second) = (spawn(&mut app, 1.0, 0.1, Vec3::ZERO), spawn(&mut app, 1.0, 0.1, Vec3::X));
     let spring = join(&mut app, Spring::new(first, second, 1.0));
     run(&mut app, 1);

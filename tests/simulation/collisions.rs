@@ -1,11 +1,11 @@
 //! Impacts in the pure solver beside their closed forms: restitution, momentum, and which of the two moves.
 
 use bevy::math::{Quat, Vec3, Vec3Swizzles};
-use bevy_mass_spring::solver::{self, ContactPartner, Plane, Pose};
+use bevy_mass_spring::solver::{ContactPartner, Plane, Pose};
 use bevy_mass_spring::solver::{Integrator, PairRules, Solver, StepSettings};
 
 use crate::common::bodies::{
-    Ball, falling, floating, position, step_past_contact, velocity, with_ground, world,
+    Ball, falling, floating, position, positions, step_past_contact, velocity, with_ground, world,
 };
 
 /// The heights above the ground of the first `count` peaks of a ball dropped from 1 m.
@@ -246,11 +246,11 @@ fn balls_with_the_same_centre_are_separated_deterministically() {
         for _ in 0..100 {
             state.step(&floating(Integrator::SemiImplicitEuler, 0.0));
         }
-        state.particles.position
+        positions(&state)
     };
     let positions = run();
     for (first, second) in [(0, 1), (0, 2), (1, 2)] {
-        let distance = positions.get(first).distance(positions.get(second));
+        let distance = positions[first].distance(positions[second]);
         assert!(distance > 0.2 - 1e-6, "{first} and {second} are {distance} apart");
     }
     assert_eq!(positions, run());
@@ -302,7 +302,7 @@ fn a_lift_carries_a_resting_ball() {
     let mut state = with_ground(world([Ball::at(Vec3::Y * 0.1)]), 0.0, 0.0);
     let settings = falling(Integrator::SemiImplicitEuler, 4);
     for tick in 0..60_u16 {
-        let plane = &mut state.contacts.planes[0];
+        let plane = &mut state.inputs_mut().planes[0];
         plane.start = plane.target;
         plane.target.point = Vec3::Y * f32::from(tick + 1) / 60.0;
         state.step(&settings);

@@ -4,12 +4,14 @@
 //! (`logging`), the allocator (`allocations`), a display (`window`).
 
 mod ambiguity;
+mod caches;
 mod collisions;
 #[path = "../common/mod.rs"]
 mod common;
 mod control;
 mod energy;
 mod implicit_euler;
+mod islands;
 mod lifecycle;
 mod mixture;
 mod overlap;
@@ -21,4 +23,7 @@ mod properties;
 #[cfg(feature = "scene")]
 mod reflection;
 mod resting;
+mod rollback;
 mod schemes;
+mod snapshots;
+mod stage;

@@ -1,7 +1,9 @@
 //! The integration schemes: each beside its written recurrence, and their orders of convergence.
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::{self, Integrator, PairRules, PinnedMotion, Plane, Solver, StepSettings};
+use bevy_mass_spring::solver::{
+    self, Integrator, PairRules, PinnedMotion, Plane, Solver, StepSettings, SubstepMode,
+};
 
 use crate::common::reference::Reference;
 
@@ -32,8 +34,8 @@ fn carry_pinned(state: &mut Solver, time_step: f32) {
 /// each tick from the solver's state, so that nothing but the tick itself is compared.
 fn deviation_from_recurrence(scheme: Integrator, expected: Integrator) -> f64 {
     let settings = StepSettings {
-        scheme,
-        substeps: 3,
+        integrator: scheme,
+        substeps: SubstepMode::Fixed(3),
         time_step: 1.0 / 64.0,
         gravity: Vec3::new(0.0, -9.81, 0.0),
         viscosity: 0.3,
@@ -96,8 +98,8 @@ fn no_scheme_follows_the_recurrence_of_another() {
 fn a_contact_elsewhere_changes_nothing() {
     for scheme in Integrator::named() {
         let settings = StepSettings {
-            scheme,
-            substeps: 5,
+            integrator: scheme,
+            substeps: SubstepMode::Fixed(5),
             gravity: Vec3::Y * -9.81,
             viscosity: 0.3,
             pair_rules: Some(PairRules::default()),
@@ -137,10 +139,13 @@ fn oscillator_error(scheme: Integrator, steps: u32) -> f64 {
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 1.0, 0.0).unwrap();
     let stiffness = (OMEGA * OMEGA) as f32;
-    state
-        .add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness: stiffness, damping: GAMMA as f32 })
-        .unwrap();
-    let settings = StepSettings { scheme, time_step: DURATION / steps as f32, ..StepSettings::default() };
+    state.add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness, damping: GAMMA as f32 }).unwrap();
+    let settings = StepSettings {
+        substeps: SubstepMode::Fixed(1),
+        integrator: scheme,
+        time_step: DURATION / steps as f32,
+        ..StepSettings::default()
+    };
     for _ in 0..steps {
         state.step(&settings);
     }
@@ -207,7 +212,8 @@ fn free_fall_is_exact() {
     const GRAVITY: f64 = -9.8125;
     for scheme in [Integrator::SecondOrderTaylor, Integrator::VelocityVerlet] {
         let settings = StepSettings {
-            scheme,
+            substeps: SubstepMode::Fixed(1),
+            integrator: scheme,
             time_step: 1.0 / 64.0,
             gravity: Vec3::Y * GRAVITY as f32,
             ..StepSettings::default()
@@ -235,7 +241,8 @@ fn one_taylor_step_of_any_length_is_as_exact_as_a_float() {
         let time_step = f32::from(milliseconds) / 1000.0;
         let gravity = Vec3::new(0.0, -9.81, 0.0);
         let settings = StepSettings {
-            scheme: Integrator::SecondOrderTaylor,
+            substeps: SubstepMode::Fixed(1),
+            integrator: Integrator::SecondOrderTaylor,
             time_step,
             gravity,
             ..StepSettings::default()
@@ -260,8 +267,12 @@ fn feather_and_hammer_fall_alike() {
         for mass in [0.003, 1.0, 1.32, 1e6] {
             state.add_particle(Vec3::Y * 10.0, Vec3::X, mass, 0.0).unwrap();
         }
-        let settings =
-            StepSettings { scheme, gravity: Vec3::Y * -9.81, substeps: 3, ..StepSettings::default() };
+        let settings = StepSettings {
+            integrator: scheme,
+            gravity: Vec3::Y * -9.81,
+            substeps: SubstepMode::Fixed(3),
+            ..StepSettings::default()
+        };
         for _ in 0..100 {
             state.step(&settings);
             for slot in 1..4 {

@@ -115,7 +115,7 @@ pub(super) fn find(
 ) {
     let rebound = Rebound { restitution: surface.restitution, ..rebound };
     let [x, y, z] = particles.position.axes();
-    let [x, y, z, radius] = [x, y, z, &particles.radius()[..]].map(|array| array.chunks(PARTICLES_PER_CHUNK));
+    let [x, y, z, radius] = [x, y, z, particles.radius()].map(|array| array.chunks(PARTICLES_PER_CHUNK));
     for (chunk, (((x, y), z), radius)) in x.zip(y).zip(z).zip(radius).enumerate() {
         let mut touching = [false; PARTICLES_PER_CHUNK];
         let spheres = x.iter().zip(y).zip(z).zip(radius);

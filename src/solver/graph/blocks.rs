@@ -359,7 +359,7 @@ mod tests {
             }
         }
         elements.settle(particles(count).inverse_mass());
-        let (mut blocks, all) = (Blocks::default(), particles(count + 1000));
+        let (mut blocks, all) = (Blocks::default(), particles(count + 1200));
         let refresh = |blocks: &mut Blocks, elements: &mut Elements, all: &Particles| {
             blocks.refresh(elements, all, (Version::default(), |_| false));
         };
@@ -370,7 +370,7 @@ mod tests {
         elements.set(3, spring(17.5));
         elements.remove::<Spring, 2>(4);
         for slot in 0..100 {
-            elements.push([slot * 70, count as u32 + 9 * slot], spring(2.5));
+            elements.push([slot * 70, count as u32 + 12 * slot], spring(2.5));
         }
         refresh(&mut blocks, &mut elements, &all);
         assert_eq!(listed(&blocks), expected(&elements));

@@ -50,7 +50,9 @@ fn are_contiguous(islands: &Islands, particles: &Particles) -> bool {
     (0..particles.len()).filter_map(|slot| islands.of(slot)).all(|island| {
         let is_same = last == Some(island);
         if !is_same {
-            last.map(|last: usize| done[last] = true);
+            if let Some(last) = last {
+                done[last] = true;
+            }
             last = Some(island);
         }
         is_same || !done[island]

@@ -15,7 +15,7 @@ mod xpbd;
 use crate::solver::elements::Elements;
 use crate::solver::graph::{Blocks, Colouring};
 use crate::solver::kernel::{self, Motion};
-use crate::solver::particles::{Particles, Vectors};
+use crate::solver::particles::{Particles, PinnedMotions, Vectors};
 use crate::solver::settings::{Field, Integrator};
 pub(super) use implicit_euler::ImplicitEuler;
 pub(super) use interleaved::{Interleaved, Position};
@@ -57,6 +57,8 @@ struct Stage<'a> {
     particles: &'a mut Particles,
     blocks: &'a Blocks,
     field: Field,
+    /// Where the pinned particles are at the end of the substep.
+    pinned: PinnedMotions<'a>,
     acceleration: &'a mut Vectors,
     scratch: &'a mut StepVectors,
 }
@@ -75,6 +77,8 @@ pub(super) struct Net<'a> {
     pub blocks: &'a Blocks,
     pub colouring: &'a Colouring,
     pub field: Field,
+    /// Where the pinned particles are at the end of the substep.
+    pub pinned: PinnedMotions<'a>,
 }
 
 /// Advances positions and velocities by one substep of `substep` seconds of a named `integrator`.
@@ -86,9 +90,9 @@ pub(super) fn advance(
     implicit_euler: &mut ImplicitEuler,
     substep: f32,
 ) {
-    let Net { elements, blocks, colouring, field } = net;
+    let Net { elements, blocks, colouring, field, pinned } = net;
     let Scratch { acceleration, steps, xpbd } = scratch;
-    let mut stage = Stage { particles, blocks, field, acceleration, scratch: steps };
+    let mut stage = Stage { particles, blocks, field, pinned, acceleration, scratch: steps };
     match integrator {
         Integrator::ExplicitEuler => explicit_euler::advance(&mut stage, substep),
         Integrator::Auto | Integrator::SemiImplicitEuler => semi_implicit_euler::advance(&mut stage, substep),

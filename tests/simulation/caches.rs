@@ -1,0 +1,214 @@
+//! Everything but the state is a cache: ticks are the same to the bit with all caches dropped before each of them,
+//! with a state that was written and read, and after a return to an earlier one.
+
+use std::f32::consts::TAU;
+
+use bevy::math::{Quat, Vec3};
+use bevy_mass_spring::solver::{
+    Integrator, PairRules, Plane, Solver, Spring, State, StepSettings, SubstepMode,
+};
+
+use crate::common::bodies::solver_bits;
+
+const RULES: PairRules = PairRules { restitution: 0.3, friction: 0.4 };
+
+/// A floor that tilts, a wall, and above them balls of three sizes.
+fn pile() -> Solver {
+    let mut solver = Solver::default();
+    for ball in 0..60_u16 {
+        let [column, row, layer] = [ball % 4, ball / 4 % 4, ball / 16].map(f32::from);
+        let jitter = Vec3::new(f32::from(ball * 7 % 11), 0.0, f32::from(ball * 5 % 13)) * 0.003;
+        let place = Vec3::new(column, layer + 0.5, row) * 0.22 + jitter;
+        let radius = [0.1, 0.08, 0.05][usize::from(ball % 3)];
+        solver.add_particle(place, Vec3::NEG_Y * (2.0 + layer), 1.0 / (0.3 + radius), radius).unwrap();
+    }
+    let mut floor = Plane::resting(Vec3::ZERO, Vec3::Y, 0.1, 0.4);
+    floor.target.rotation *= Quat::from_rotation_z(0.01);
+    solver.add_plane(floor);
+    solver.add_plane(Plane::resting(Vec3::X * -0.1, Vec3::X, 0.1, 0.4));
+    solver
+}
+
+/// Adds a ring, open in one place, of 30 particles around the pile, at a height.
+fn add_ring(solver: &mut Solver, radius: f32, height: f32, spring: Spring) {
+    let start = solver.particle_count();
+    for link in 0..30_usize {
+        let (sin, cos) = bevy::math::ops::sin_cos(link as f32 / 30.0 * TAU);
+        let place = Vec3::new(0.4 + 0.45 * sin, height, 0.4 + 0.45 * cos);
+        solver.add_particle(place, Vec3::NEG_Y * 3.0, 10.0, radius).unwrap();
+        if link > 0 {
+            solver.add_spring([start + link - 1, start + link], spring).unwrap();
+        }
+    }
+}
+
+/// The pile, and falling onto it a thin rope, and one so thick that it overlaps itself and is crowded.
+fn pile_with_ropes() -> Solver {
+    let mut solver = pile();
+    let spring = Spring { rest_length: 0.1, stiffness: 200.0, damping: 0.2 };
+    add_ring(&mut solver, 0.04, 1.4, spring);
+    add_ring(&mut solver, 0.22, 2.2, spring);
+    solver
+}
+
+/// A soft rope and one so stiff that `Auto` runs two schemes, on one anchor, with a few balls below.
+fn soft_and_stiff() -> Solver {
+    let mut solver = Solver::default();
+    solver.add_plane(Plane::resting(Vec3::NEG_Y * 0.4, Vec3::Y, 0.1, 0.4));
+    let anchor = solver.add_particle(Vec3::Y, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
+    for (stiffness, direction) in [(500.0, Vec3::X), (1e8, Vec3::NEG_X)] {
+        let mut last = anchor;
+        for link in 1..=20 {
+            let place = Vec3::Y + direction * 0.1 * link as f32;
+            let next = solver.add_particle(place, Vec3::ZERO, 0.1, 0.045).unwrap();
+            solver.add_spring([last, next], Spring { rest_length: 0.1, stiffness, damping: 0.3 }).unwrap();
+            last = next;
+        }
+    }
+    for ball in 0..8 {
+        let place = Vec3::new(0.3 * ball as f32 - 1.05, -0.3, 0.01 * ball as f32);
+        solver.add_particle(place, Vec3::ZERO, 0.5, 0.1).unwrap();
+    }
+    solver
+}
+
+fn settings(integrator: Integrator) -> StepSettings {
+    StepSettings {
+        integrator,
+        substeps: if integrator == Integrator::Auto { SubstepMode::Auto } else { SubstepMode::Fixed(6) },
+        gravity: Vec3::NEG_Y * 9.81,
+        pair_rules: Some(RULES),
+        ..StepSettings::default()
+    }
+}
+
+/// What a program does between two ticks.
+fn interfere(solver: &mut Solver, settings: &mut StepSettings, tick: u32) {
+    settings.pair_rules = (!(40..43).contains(&tick)).then_some(RULES);
+    let last = solver.particle_count() - 1;
+    match tick {
+        5 => solver.set_mass(last, f32::INFINITY).unwrap(),
+        20 => solver.set_position(5, Vec3::new(0.4, 1.0, 0.4)),
+        6..30 => solver.move_pinned(last, solver.position(last) + Vec3::new(0.01, 0.02, -0.01)),
+        30 => solver.set_radius(3, 1.5 * solver.radius(3)).unwrap(),
+        32 => solver.inputs_mut().pinned.clear(),
+        33 => solver.set_mass(last, 1.0).unwrap(),
+        60 => solver.inputs_mut().planes[0].start = solver.inputs_mut().planes[0].target,
+        _ => {}
+    }
+    interfere_with_springs(solver, tick);
+}
+
+fn interfere_with_springs(solver: &mut Solver, tick: u32) {
+    let last = solver.particle_count() - 1;
+    let spring = Spring { rest_length: 0.2, stiffness: 300.0, damping: 0.5 };
+    match tick {
+        15 | 22 | 50 => {
+            solver.add_spring([2, last], spring).unwrap();
+        }
+        25 if solver.spring_count() > 10 => solver.remove_spring(7),
+        35 => solver.set_spring(0, Spring { stiffness: 1e3, ..spring }).unwrap(),
+        36 => {
+            let place = solver.position(last) + Vec3::Y * 0.3;
+            let added = solver.add_particle(place, Vec3::X, 0.2, 0.03).unwrap();
+            solver.add_spring([last, added], spring).unwrap();
+        }
+        55 => solver.remove_spring(solver.spring_count() - 1),
+        _ => {}
+    }
+}
+
+/// A state as it was written and read.
+#[cfg(feature = "scene")]
+fn rewritten(state: &State) -> State {
+    let written = ron::to_string(state).expect("a state can be written");
+    ron::from_str(&written).expect("what was written can be read")
+}
+
+#[cfg(not(feature = "scene"))]
+fn rewritten(state: &State) -> State {
+    state.clone()
+}
+
+/// Runs `ticks` with the caches of the tick before, with new ones, and with a state that was written and read.
+/// Returns the number of contacts of all ticks.
+fn assert_caches_change_nothing(solver: Solver, integrator: Integrator, ticks: u32) -> usize {
+    let [mut plain, mut without, mut resumed] = [solver.clone(), solver.clone(), solver];
+    let mut settings = settings(integrator);
+    let mut contacts = 0;
+    for tick in 0..ticks {
+        without.drop_caches();
+        let state = rewritten(resumed.state());
+        resumed.restore(state);
+        for solver in [&mut plain, &mut without, &mut resumed] {
+            interfere(solver, &mut settings, tick);
+            solver.step(&settings);
+        }
+        let expected = solver_bits(&plain);
+        assert!(solver_bits(&without) == expected, "{integrator}, tick {tick}: without caches");
+        assert!(solver_bits(&resumed) == expected, "{integrator}, tick {tick}: with a state that was read");
+        let outputs = [&plain, &without, &resumed].map(|solver| {
+            let outputs = solver.outputs();
+            (outputs.plan, outputs.contact_count)
+        });
+        assert_eq!(outputs, [outputs[0]; 3], "{integrator}, tick {tick}");
+        contacts += outputs[0].1;
+    }
+    contacts
+}
+
+#[test]
+fn ticks_of_a_pile_depend_on_no_cache() {
+    let contacts = assert_caches_change_nothing(pile(), Integrator::SemiImplicitEuler, 160);
+    assert!(contacts > 1000, "{contacts}");
+}
+
+#[test]
+fn ticks_of_a_pile_with_ropes_depend_on_no_cache() {
+    for integrator in Integrator::ALL {
+        let contacts = assert_caches_change_nothing(pile_with_ropes(), integrator, 100);
+        assert!(contacts > 3000, "{integrator}: {contacts}");
+    }
+}
+
+#[test]
+fn ticks_of_two_schemes_depend_on_no_cache() {
+    let (mut solver, settings) = (soft_and_stiff(), settings(Integrator::Auto));
+    assert!(solver.plan(&settings).stiff_springs == 20, "{:?}", solver.plan(&settings));
+    for integrator in Integrator::ALL {
+        // The explicit schemes explode, in the same way.
+        assert_caches_change_nothing(solver.clone(), integrator, 100);
+    }
+}
+
+/// A copy of the state goes on as the solver did, also long after this has gone on itself, and in another solver.
+#[test]
+fn a_restored_state_goes_on_alike() {
+    for scene in [pile_with_ropes(), soft_and_stiff()] {
+        for integrator in [Integrator::Auto, Integrator::Xpbd, Integrator::VelocityVerlet] {
+            let (mut solver, mut other) = (scene.clone(), scene.clone());
+            let settings = settings(integrator);
+            for _ in 0..40 {
+                solver.step(&settings);
+            }
+            let state = solver.state().clone();
+            let history: Vec<Vec<u32>> = (0..20)
+                .map(|_| {
+                    solver.step(&settings);
+                    solver_bits(&solver)
+                })
+                .collect();
+            let spring = Spring { rest_length: 0.2, stiffness: 300.0, damping: 0.5 };
+            solver.add_spring([0, 9], spring).unwrap();
+            solver.remove_spring(3);
+            solver.step(&settings);
+            for solver in [&mut solver, &mut other] {
+                solver.restore(state.clone());
+                for (tick, expected) in history.iter().enumerate() {
+                    solver.step(&settings);
+                    assert!(solver_bits(solver) == *expected, "{integrator}, tick {tick}");
+                }
+            }
+        }
+    }
+}
