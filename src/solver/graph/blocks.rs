@@ -393,25 +393,4 @@ mod tests {
         let runs: Vec<u32> = blocks.blocks[0].runs.iter().map(|run| run.count).collect();
         assert_eq!(runs, [1024, 475]);
     }
-
-    #[test]
-    fn the_blocks_of_an_island_do_not_depend_on_what_is_before_it() {
-        let rope = |elements: &mut Elements, start: u32| {
-            for slot in start + 1..start + 5000 {
-                elements.push([slot - 1, slot], spring(0.1));
-            }
-        };
-        let (mut alone, mut beside) = (Elements::default(), Elements::default());
-        rope(&mut alone, 0);
-        for slot in 1..40 {
-            beside.push([slot - 1, slot], spring(0.1));
-        }
-        rope(&mut beside, 40);
-        let alone = Blocks::of(alone, &particles(5000));
-        let beside = Blocks::of(beside, &particles(5040));
-        let shape = |blocks: &[Block], first: u32| -> Vec<(u32, u32)> {
-            blocks.iter().flat_map(|block| &block.runs).map(|run| (run.lower - first, run.count)).collect()
-        };
-        assert_eq!(shape(&alone.blocks, 0), shape(&beside.blocks[1..], 40));
-    }
 }
