@@ -132,7 +132,7 @@ fn medium(viscosity: f32) -> Environment {
 
 fn free_fall() -> MassSpringScene {
     let solver =
-        SceneSolver { integrator: Integrator::SecondOrderTaylor, substeps: Substeps::Fixed(1), ..default() };
+        SceneSolver { integrator: Integrator::SecondOrderTaylor, substeps: SubstepMode::Fixed(1), ..default() };
     MassSpringScene {
         environment: medium(1.0),
         solver,
