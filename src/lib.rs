@@ -27,6 +27,8 @@
 //! One tick of Bevy's fixed clock runs three stages, [`MassSpringSystems`]: *Gather* copies the
 //! components into the flat arrays of the [`solver`], *Step* integrates them, *Scatter* copies back.
 //! [`TickReport`] says what the last tick did and what it cost.
+//!
+//! [`MassSpringPlugins`] is the group of all plugins of the crate, each of which can be disabled.
 
 #![warn(missing_docs)]
 

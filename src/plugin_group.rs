@@ -22,6 +22,9 @@ use crate::time_control::SingleStepPlugin;
 /// | `ParticleDragPlugin` | `drag` | drags particles by the pointer, in apps with picking |
 /// | `MassSpringPanelPlugin` | `panel` | the egui panel, in apps with a window |
 ///
+/// Diagnostics, interpolation, dragging and the panel are set up in `Plugin::finish`, where the order of plugins
+/// does not matter: an app that is updated by hand calls `App::finish` and `App::cleanup` first.
+///
 /// Each can be disabled, and those with fields can be set:
 ///
 /// ```

@@ -26,6 +26,7 @@ pub struct SolverSettings {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum OrphanedSprings {
     /// Its entity is despawned in the next tick. The default.
     #[default]

@@ -46,7 +46,7 @@ impl Plugin for SingleStepPlugin {
     }
 }
 
-/// Lends the fixed clock one time step for each request, which the fixed loop then spends.
+/// Adds one time step to the fixed clock for each request, which the fixed loop then runs.
 fn grant_single_steps(
     mut single_step: ResMut<SingleStep>,
     virtual_time: Res<Time<Virtual>>,
@@ -56,8 +56,8 @@ fn grant_single_steps(
         return;
     }
     if virtual_time.is_paused() {
-        let borrowed: Duration = fixed_time.timestep() * single_step.requested;
-        fixed_time.accumulate_overstep(borrowed);
+        let requested: Duration = fixed_time.timestep() * single_step.requested;
+        fixed_time.accumulate_overstep(requested);
     }
     single_step.requested = 0;
 }

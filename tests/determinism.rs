@@ -240,11 +240,11 @@ fn dense_pile() -> u64 {
 }
 
 fn history_on(threads: usize) -> Vec<u64> {
-    let child = Command::new(std::env::current_exe().expect("a test knows its own path"))
+    let child = Command::new(std::env::current_exe().expect("the path of the test binary is available"))
         .args(["--exact", "child_prints_its_history", "--ignored", "--nocapture"])
         .env(THREADS, threads.to_string())
         .output()
-        .expect("a test can start itself");
+        .expect("the test binary starts");
     let output = String::from_utf8_lossy(&child.stdout);
     assert!(child.status.success(), "{output}{}", String::from_utf8_lossy(&child.stderr));
     // The harness prints on the same lines.

@@ -2,15 +2,15 @@
 
 use bevy::math::Vec3;
 
-use super::collision::Plane;
-use super::elements::Spring;
-use super::energy::{Measurements, measure};
-use super::outputs::Outputs;
-use super::particles::PinnedMotion;
-use super::settings::StepSettings;
-use super::stability::{FrequencyBounds, Plan};
-use super::state::State;
-use super::step::{Caches, Inputs, step};
+use crate::solver::collision::Plane;
+use crate::solver::elements::Spring;
+use crate::solver::energy::{Measurements, measure};
+use crate::solver::outputs::Outputs;
+use crate::solver::particles::PinnedMotion;
+use crate::solver::settings::StepSettings;
+use crate::solver::stability::{FrequencyBounds, Plan};
+use crate::solver::state::State;
+use crate::solver::step::{Caches, Inputs, step};
 
 /// Particles joined by springs, without Bevy's ECS.
 ///

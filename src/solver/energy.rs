@@ -8,7 +8,7 @@ use bevy::reflect::prelude::ReflectDefault;
 #[cfg(feature = "serialize")]
 use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
-use super::state::State;
+use crate::solver::state::State;
 
 /// Physical quantities of a whole simulation at the end of the last tick.
 ///
@@ -81,8 +81,8 @@ fn add_elements(state: &State, measurements: &mut Measurements) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::elements::Spring;
     use super::*;
+    use crate::solver::elements::Spring;
 
     #[test]
     fn sums_of_two_particles_and_a_spring() {

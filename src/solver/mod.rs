@@ -47,14 +47,14 @@ mod stability;
 mod state;
 mod step;
 
-pub use collision::{ContactPartner, ContactRecord, PairRules, Plane, Pose};
+pub use collision::{ContactPartner, ContactRecord, Plane, Pose};
 pub use door::{Solver, SolverError};
 pub use elements::Spring;
 pub use energy::Measurements;
 pub(crate) use energy::measure;
 pub use outputs::Outputs;
 pub use particles::PinnedMotion;
-pub use settings::{Integrator, StepSettings, SubstepMode, UnknownIntegrator};
+pub use settings::{Integrator, PairRules, StepSettings, SubstepMode, UnknownIntegrator};
 pub use stability::{FrequencyBounds, MAX_SUBSTEPS, Plan};
 pub use state::State;
 pub(crate) use state::Version;

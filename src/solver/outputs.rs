@@ -2,10 +2,10 @@
 
 use bevy::math::{DVec3, Vec3};
 
-use super::collision::ContactRecord;
-use super::elements::Elements;
-use super::particles::Particles;
-use super::stability::Plan;
+use crate::solver::collision::ContactRecord;
+use crate::solver::elements::Elements;
+use crate::solver::particles::Particles;
+use crate::solver::stability::Plan;
 
 /// What the last tick did, apart from the state that it left.
 #[derive(Debug, Clone, Default)]

@@ -2,8 +2,8 @@
 
 use bevy::math::{DVec3, Vec3};
 
-use super::settings::Field;
-use super::state::Version;
+use crate::solver::settings::Field;
+use crate::solver::state::Version;
 
 /// Coordinates and velocities below this are cleared, m or m/s: their squares would be subnormal numbers.
 const NEGLIGIBLE: f32 = 1e-18;
@@ -283,11 +283,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn traces_are_cleared_and_nothing_else() {
+    fn negligible_components_are_cleared_and_nothing_else() {
         let mut vectors = Vectors::default();
         let kept = [Vec3::new(1e-17, -1e-17, 0.0), Vec3::new(f32::INFINITY, -3.0, f32::MAX)];
-        let traces = Vec3::new(1e-19, -1e-40, f32::MIN_POSITIVE);
-        for vector in [kept[0], traces, kept[1]] {
+        let negligible = Vec3::new(1e-19, -1e-40, f32::MIN_POSITIVE);
+        for vector in [kept[0], negligible, kept[1]] {
             vectors.push(vector);
         }
         vectors.clear_negligible();

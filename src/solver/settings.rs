@@ -4,8 +4,6 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use bevy::reflect::prelude::ReflectDefault;
 
-use super::collision::PairRules;
-
 /// An integration scheme: how positions and velocities follow from accelerations.
 ///
 /// In the formulas x is the position, v the velocity, a the acceleration and h the substep; a prime marks the new
@@ -119,6 +117,7 @@ impl std::str::FromStr for Integrator {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum SubstepMode {
     /// As many as the stability bound of the integrator asks for, and at least 4; of
     /// [`Integrator::ImplicitEuler`] 4, or 2 where springs form loops; of [`Integrator::Xpbd`] 20.
@@ -136,6 +135,15 @@ impl SubstepMode {
             Self::Fixed(count) => count.max(1),
         }
     }
+}
+
+/// How particles collide with each other.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PairRules {
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f32,
+    /// Coefficient of Coulomb friction, >= 0.
+    pub friction: f32,
 }
 
 /// The parameters of one tick.

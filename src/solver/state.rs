@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use bevy::math::Vec3;
 
-use super::collision::ContactMemory;
-use super::elements::{Elements, Spring};
-use super::particles::Particles;
+use crate::solver::collision::ContactMemory;
+use crate::solver::elements::{Elements, Spring};
+use crate::solver::particles::Particles;
 
 /// Marks contents: what has the same version is the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,13 +1,13 @@
 //! A tick: plan → substeps → outputs.
 
-use super::collision::{ContactCaches, Plane, Substep};
-use super::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
-use super::outputs::Outputs;
-use super::particles::{PinnedMotion, PinnedMotions};
-use super::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use super::settings::{Field, Integrator, StepSettings};
-use super::stability::{FrequencyBounds, Plan, Planner};
-use super::state::{State, Version};
+use crate::solver::collision::{ContactCaches, Plane, Substep};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
+use crate::solver::outputs::Outputs;
+use crate::solver::particles::{PinnedMotion, PinnedMotions};
+use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
+use crate::solver::settings::{Field, Integrator, StepSettings};
+use crate::solver::stability::{FrequencyBounds, Plan, Planner};
+use crate::solver::state::{State, Version};
 
 /// What moves the particles and planes in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]

@@ -120,8 +120,10 @@ impl Assignment<'_, '_, '_, '_, '_> {
         state.solver.clear();
         let order_of =
             |entry: &Entry| self.candidates.orders.get(entry.entity).map_or(u64::MAX, |order| order.0);
-        state.particles.entries.sort_by_cached_key(order_of);
-        state.springs.entries.sort_by_cached_key(order_of);
+        if !self.candidates.orders.is_empty() {
+            state.particles.entries.sort_by_cached_key(order_of);
+            state.springs.entries.sort_by_cached_key(order_of);
+        }
 
         let mut new_slots = vec![None; old_entities.len()];
         self.add_particles(|entity, old, new| {

@@ -97,9 +97,9 @@ impl Candidates {
         entangled.clear();
         for group in self.groups.iter() {
             let slot = |place: usize| self.regions.slot_of[group.bodies.start + place];
-            remembered.extend(contacts.of(group).iter().map(|contact| {
-                let (one, other) = (slot(contact.first()), slot(contact.second()));
-                RememberedContact { slots: [one.min(other), one.max(other)], impulses: contact.impulses }
+            remembered.extend(contacts.of(group).iter().map(|contact| RememberedContact {
+                slots: [slot(contact.first()), slot(contact.second())],
+                impulses: contact.impulses,
             }));
             if group.entangled {
                 let pairs = &self.list.pairs[group.pairs.clone()];
@@ -182,9 +182,13 @@ impl Candidates {
         contacts.reserve(list.pairs.len());
         let are_known = |slots: &[u32; 2]| slots.iter().all(|slot| memory.has_searched(*slot));
         for contact in memory.contacts.iter().filter(|contact| are_known(&contact.slots)) {
-            if let Some(place) = list.find(contact.slots) {
-                list.pairs[place].past = Past::Contact(place as u32);
-                contacts.current[place].impulses = contact.impulses;
+            let [upper, lower] = contact.slots;
+            if let Some(place) = list.find([upper.min(lower), upper.max(lower)]) {
+                let pair = &mut list.pairs[place];
+                pair.past = Past::Contact(place as u32);
+                let has_turned = regions.slot_of[pair.upper as usize] != upper;
+                contacts.current[place].impulses =
+                    if has_turned { contact.impulses.of_other() } else { contact.impulses };
             }
         }
         for slots in memory.entangled.iter().filter(|slots| are_known(slots)) {
@@ -227,6 +231,9 @@ mod tests {
     use crate::solver::elements::{Elements, Spring};
     use crate::solver::settings::Integrator;
 
+    /// Longer than the radii: it excludes no pair.
+    const LONG: Spring = Spring { rest_length: 1.8, stiffness: 1.0, damping: 0.0 };
+
     fn row(spacing: f32, count: usize) -> Particles {
         let mut particles = Particles::default();
         for slot in 0..count {
@@ -251,15 +258,8 @@ mod tests {
             let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
             let (planes, acceleration) = (&[], &Vectors::default());
             let integrator = Integrator::SemiImplicitEuler;
-            let substep = Substep {
-                elements,
-                planes,
-                acceleration,
-                settings,
-                integrator,
-                duration: 0.01,
-                elapsed: 1.0,
-            };
+            let (duration, elapsed) = (0.01, 1.0);
+            let substep = Substep { elements, planes, acceleration, settings, integrator, duration, elapsed };
             candidates.refresh(memory, contacts, particles, &particles.position, substep);
             // No narrow phase follows.
             candidates.ahead = false;
@@ -269,10 +269,10 @@ mod tests {
             pairs
         }
 
-        /// The normal impulse that the pair of two slots had, if it touched.
-        fn impulse(&self, slots: [u32; 2]) -> Option<f32> {
+        /// The impulses that the pair of two slots had, if it touched.
+        fn impulses(&self, slots: [u32; 2]) -> Option<Impulses> {
             match self.past(slots) {
-                Past::Contact(contact) => Some(self.contacts.current[contact as usize].impulses.normal),
+                Past::Contact(contact) => Some(self.contacts.current[contact as usize].impulses),
                 _ => None,
             }
         }
@@ -288,24 +288,29 @@ mod tests {
         let mut particles = row(1.0, 4);
         let mut pairs = Pairs::default();
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
-        let impulses = Impulses { normal: 7.0, ..Impulses::default() };
-        pairs.memory.contacts.push(RememberedContact { slots: [2, 3], impulses });
+        // Of particles at the same height, the one in the larger slot counts as the upper one.
+        let impulses = Impulses { normal: 7.0, friction: Vec3::Z };
+        pairs.memory.contacts.push(RememberedContact { slots: [3, 2], impulses });
 
         particles.position.set(0, Vec3::X * -5.0);
         assert_eq!(pairs.refresh(&particles), [[1, 2], [2, 3]]);
-        assert_eq!(pairs.impulse([2, 3]), Some(7.0));
-        assert_eq!(pairs.impulse([1, 2]), None);
+        assert_eq!(pairs.impulses([2, 3]), Some(impulses));
+        assert_eq!(pairs.impulses([1, 2]), None);
 
         // The row in the other direction, its first particle removed.
         pairs.memory.renumber(&[None, Some(2), Some(1), Some(0)], 3);
         particles = row(1.0, 3);
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2]]);
-        assert_eq!(pairs.impulse([0, 1]), Some(7.0));
-        assert_eq!(pairs.impulse([1, 2]), None);
+        assert_eq!(
+            pairs.impulses([0, 1]),
+            Some(Impulses { friction: -Vec3::Z, ..impulses }),
+            "the roles have changed"
+        );
+        assert_eq!(pairs.impulses([1, 2]), None);
 
         pairs.memory.forget_particle(0);
         pairs.refresh(&particles);
-        assert_eq!(pairs.impulse([0, 1]), None);
+        assert_eq!(pairs.impulses([0, 1]), None);
     }
 
     #[test]
@@ -313,10 +318,8 @@ mod tests {
         let particles = row(0.9, 4);
         let mut pairs = Pairs::default();
         pairs.refresh(&particles);
-        // Springs that are longer than the radii: they exclude no pair.
-        for ends in [[0, 2], [1, 3]] {
-            pairs.elements.push(ends, Spring { rest_length: 1.8, stiffness: 1.0, damping: 0.0 });
-        }
+        pairs.elements.push([0, 2], LONG);
+        pairs.elements.push([1, 3], LONG);
         pairs.memory.request_search();
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
         assert_eq!(pairs.past([0, 1]), Past::Apart, "neither is new");

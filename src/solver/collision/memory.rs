@@ -29,7 +29,7 @@ pub struct ContactMemory {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct RememberedContact {
-    /// The smaller first.
+    /// The upper particle and the lower one.
     pub slots: [u32; 2],
     pub impulses: Impulses,
 }
@@ -62,11 +62,12 @@ impl ContactMemory {
         let new_slot = |old: u32| new_slots.get(old as usize).copied().flatten();
         let new_pair = |pair: &mut [u32; 2]| {
             let [Some(one), Some(other)] = pair.map(new_slot) else { return false };
-            *pair = [one.min(other), one.max(other)];
+            *pair = [one, other];
             true
         };
         self.contacts.retain_mut(|contact| new_pair(&mut contact.slots));
         self.entangled.retain_mut(new_pair);
+        self.entangled.iter_mut().for_each(|pair| pair.sort_unstable());
         let old = std::mem::replace(&mut self.searched, vec![false; count]);
         for (searched, new) in old.into_iter().zip(new_slots) {
             if let Some(place) = new.and_then(|new| self.searched.get_mut(new as usize)) {
@@ -105,7 +106,7 @@ mod tests {
         let mut memory = memory();
         let version = memory.version;
         memory.renumber(&[Some(4), Some(2), None, Some(0)], 5);
-        assert_eq!(memory.contacts, [contact([2, 4], 1.0), contact([0, 2], 2.0)]);
+        assert_eq!(memory.contacts, [contact([4, 2], 1.0), contact([2, 0], 2.0)]);
         assert_eq!(memory.entangled, [[0, 4]]);
         assert_eq!(memory.searched, [true, false, true, false, true]);
         assert!(memory.broad_phase.is_none() && memory.version != version);

@@ -24,9 +24,9 @@ mod response;
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::elements::Elements;
-use super::particles::{Particles, Vectors};
-use super::settings::{Integrator, StepSettings};
+use crate::solver::elements::Elements;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::{Integrator, PairRules, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
 pub use memory::ContactMemory;
@@ -47,15 +47,6 @@ const POSITION_ITERATIONS: usize = 2;
 
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
 const JAMMING_CONTACTS: u32 = 3;
-
-/// How particles collide with each other.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PairRules {
-    /// Coefficient of restitution, 0 to 1.
-    pub restitution: f32,
-    /// Coefficient of Coulomb friction, >= 0.
-    pub friction: f32,
-}
 
 /// A contact in one substep.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,10 +12,10 @@
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::PairRules;
 use super::bodies::Body;
 use super::regions::{Group, Groups};
 use super::response::{friction, shortened, tangential};
+use crate::solver::settings::PairRules;
 
 /// The impulses that a contact has given.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -25,6 +25,13 @@ pub(super) struct Impulses {
     pub normal: f32,
     /// Friction impulse on the upper particle, N·s.
     pub friction: Vec3,
+}
+
+impl Impulses {
+    /// The same where the other particle counts as the upper one.
+    pub fn of_other(self) -> Self {
+        Self { normal: self.normal, friction: -self.friction }
+    }
 }
 
 /// A pair that touches, in one cache line.

@@ -177,19 +177,19 @@ pub(super) struct Groups {
 
 /// Lists from which the part of each group is cut off, one group after the other.
 pub(super) trait Lists: Send + Sized {
-    /// Cuts off the first `count` entries.
-    fn cut_off(&mut self, count: usize) -> Self;
+    /// Takes the first `count` entries.
+    fn take_front(&mut self, count: usize) -> Self;
 }
 
 impl<T: Send> Lists for &mut [T] {
-    fn cut_off(&mut self, count: usize) -> Self {
+    fn take_front(&mut self, count: usize) -> Self {
         self.split_off_mut(..count).expect("the groups lie within the list")
     }
 }
 
 impl<A: Lists, B: Lists> Lists for (A, B) {
-    fn cut_off(&mut self, count: usize) -> Self {
-        (self.0.cut_off(count), self.1.cut_off(count))
+    fn take_front(&mut self, count: usize) -> Self {
+        (self.0.take_front(count), self.1.take_front(count))
     }
 }
 
@@ -242,7 +242,7 @@ impl Groups {
 
     /// Calls `work` for each group with its part of `lists`, for all groups in parallel.
     pub fn for_each_list<L: Lists>(&self, mut lists: L, work: impl Fn(&Group, L) + Sync) {
-        let parts = self.groups.iter().map(|group| (group, lists.cut_off(group.pairs.len())));
+        let parts = self.groups.iter().map(|group| (group, lists.take_front(group.pairs.len())));
         parallel::for_each(parts, self.slabs > 1, |(group, lists)| work(group, lists));
     }
 
@@ -259,10 +259,10 @@ impl Groups {
         for count in [slabs, slabs / 2, seams / 2, slabs.min(1)] {
             let (mut bodies, mut passed) = (&mut *bodies, 0);
             let parts = groups.by_ref().take(count).filter_map(|group| {
-                bodies.cut_off(group.bodies.start - passed);
+                bodies.take_front(group.bodies.start - passed);
                 passed = group.bodies.end;
-                let own = bodies.cut_off(group.bodies.len());
-                let lists = lists.cut_off(group.pairs.len());
+                let own = bodies.take_front(group.bodies.len());
+                let lists = lists.take_front(group.pairs.len());
                 (!group.pairs.is_empty()).then_some((group, lists, own))
             });
             parallel::for_each(parts, count > 1, |(group, lists, own)| work(group, lists, own));

@@ -16,8 +16,8 @@ use std::fmt::Debug;
 
 use bevy::math::{DVec3, Vec3};
 
-use super::particles::{Particles, Vectors};
-use super::state::Version;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::state::Version;
 #[cfg(test)]
 pub(super) use bend::Bend;
 pub use spring::Spring;

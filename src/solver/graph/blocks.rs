@@ -13,55 +13,21 @@
 
 use std::ops::Range;
 
-#[cfg(test)]
-use super::super::elements::Bend;
-use super::super::elements::{Element, Elements, Holds, Spring, Table, for_each_kind};
-use super::super::particles::{Particles, split_off};
-use super::super::state::Version;
+use super::block::{Block, Entry, Loose, Owned};
 use super::layout::Layout;
-
-/// Runs shorter than this are loose: a vector would not be filled.
-pub(in crate::solver) const MIN_RUN: usize = 8;
+#[cfg(test)]
+use crate::solver::elements::Bend;
+use crate::solver::elements::{Element, Elements, Holds, Spring, Table, for_each_kind};
+use crate::solver::particles::{Particles, split_off};
+use crate::solver::state::Version;
 
 /// From about this number of particles and springs together on it pays to wake other threads. Measured: a rope of
 /// 10,000 (20,000 of them) takes two threads a twentieth longer than one, a cloth of 70² (34,000) a twelfth
 /// less.
 const MIN_SHARED: usize = 25_000;
 
-/// Springs whose lower ends are consecutive slots, and whose upper ends are too.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::solver) struct Run {
-    /// The first of the lower slots.
-    pub lower: u32,
-    /// The first of the upper slots.
-    pub upper: u32,
-    /// Number of springs.
-    pub count: u32,
-    /// Where their parameters begin in the block.
-    pub start: u32,
-    /// Whether the block owns the lower and the upper ends.
-    pub owned: [bool; 2],
-    /// Stiffness and damping, if they are those of all its springs: less to read.
-    pub material: Option<[f32; 2]>,
-}
-
-/// An element that is in no run.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::solver) struct Loose<E, const N: usize> {
-    pub ends: [u32; N],
-    /// Whether the block owns each of the ends.
-    pub owned: [bool; N],
-    pub element: E,
-}
-
-macro_rules! define_loose {
+macro_rules! define_list_others {
     ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {
-        /// The loose elements of each kind.
-        #[derive(Debug, Clone, Default)]
-        pub(in crate::solver) struct LooseElements {
-            $($(#[$meta])* pub $kind: Vec<Loose<$element, $ends>>,)*
-        }
-
         impl Blocks {
             /// Lists the elements of all kinds but the springs.
             fn list_others(&mut self, elements: &Elements) {
@@ -76,22 +42,7 @@ macro_rules! define_loose {
         }
     };
 }
-for_each_kind!(define_loose);
-
-/// The elements that end in one block of particles.
-#[derive(Debug, Clone, Default)]
-pub(in crate::solver) struct Block {
-    /// Its particles.
-    pub slots: Range<usize>,
-    pub runs: Vec<Run>,
-    /// Parameters of the springs in runs.
-    pub rest_length: Vec<f32>,
-    pub stiffness: Vec<f32>,
-    pub damping: Vec<f32>,
-    /// The springs in runs, then the loose ones.
-    springs: Vec<u32>,
-    pub loose: LooseElements,
-}
+for_each_kind!(define_list_others);
 
 /// All elements in blocks.
 #[derive(Debug, Clone, Default)]
@@ -342,80 +293,6 @@ impl Blocks {
     }
 }
 
-/// A spring of a block, in the order of sorting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Entry {
-    tile: u32,
-    owned: Owned,
-    offset: u32,
-    lower: u32,
-    spring: u32,
-}
-
-/// Which ends of a spring a block owns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Owned {
-    Both,
-    Lower,
-    Upper,
-}
-
-impl Block {
-    fn set_parameters(&mut self, index: usize, spring: Spring) {
-        let Some(rest_length) = self.rest_length.get_mut(index) else {
-            self.loose.springs[index - self.rest_length.len()].element = spring;
-            return;
-        };
-        let Spring { stiffness, damping, .. } = spring;
-        *rest_length = spring.rest_length;
-        self.stiffness[index] = stiffness;
-        self.damping[index] = damping;
-        let run = self.runs.partition_point(|run| run.start as usize <= index) - 1;
-        if self.runs[run].material != Some([stiffness, damping]) {
-            self.runs[run].material = None;
-        }
-    }
-
-    /// Divides sorted entries into runs and loose springs.
-    fn fill_runs(&mut self, springs: &Table<Spring, 2>, entries: &[Entry]) {
-        let spring_of = |entry: &Entry| springs.elements()[entry.spring as usize];
-        let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
-        let consecutive = |one: &Entry, next: &Entry| {
-            (one.tile, one.owned, one.offset, one.lower + 1)
-                == (next.tile, next.owned, next.offset, next.lower)
-        };
-        let groups = || entries.chunk_by(consecutive);
-        for group in groups().filter(|group| group.len() >= MIN_RUN) {
-            let Entry { owned, offset, lower, .. } = group[0];
-            let is_uniform = group.iter().all(|entry| material(entry) == material(&group[0]));
-            self.runs.push(Run {
-                lower,
-                upper: lower + offset,
-                count: group.len() as u32,
-                start: self.springs.len() as u32,
-                owned: [owned != Owned::Upper, owned != Owned::Lower],
-                material: is_uniform.then(|| material(&group[0])),
-            });
-            for entry in group {
-                let Spring { rest_length, stiffness, damping } = spring_of(entry);
-                self.rest_length.push(rest_length);
-                self.stiffness.push(stiffness);
-                self.damping.push(damping);
-                self.springs.push(entry.spring);
-            }
-        }
-        for entry in groups().filter(|group| group.len() < MIN_RUN).flatten() {
-            let Entry { owned, offset, lower, spring, .. } = *entry;
-            self.loose.springs.push(Loose {
-                ends: [lower, lower + offset],
-                owned: [owned != Owned::Upper, owned != Owned::Lower],
-                element: spring_of(entry),
-            });
-            self.springs.push(spring);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use bevy::math::Vec3;
@@ -499,7 +376,7 @@ mod tests {
         assert_eq!(listed(&blocks), expected(&elements));
         let anew = Blocks::of(elements.clone(), &all);
         let order = |blocks: &Blocks| format!("{:?}", blocks.blocks).replace("Some([1.0, 0.0])", "None");
-        assert_eq!(order(&blocks), order(&anew));
+        assert!(order(&blocks) == order(&anew));
         assert_eq!(blocks.springs_at(&elements, 7).len(), 2);
         // Without some particles, springs that end there are listed for the other end only.
         blocks.refresh(&mut elements, &all, (Version::new(), |slot| slot == 5));
@@ -515,26 +392,5 @@ mod tests {
         let blocks = Blocks::of(elements, &particles(1500));
         let runs: Vec<u32> = blocks.blocks[0].runs.iter().map(|run| run.count).collect();
         assert_eq!(runs, [1024, 475]);
-    }
-
-    #[test]
-    fn the_blocks_of_an_island_do_not_depend_on_what_is_before_it() {
-        let rope = |elements: &mut Elements, start: u32| {
-            for slot in start + 1..start + 5000 {
-                elements.push([slot - 1, slot], spring(0.1));
-            }
-        };
-        let (mut alone, mut beside) = (Elements::default(), Elements::default());
-        rope(&mut alone, 0);
-        for slot in 1..40 {
-            beside.push([slot - 1, slot], spring(0.1));
-        }
-        rope(&mut beside, 40);
-        let alone = Blocks::of(alone, &particles(5000));
-        let beside = Blocks::of(beside, &particles(5040));
-        let shape = |blocks: &[Block], first: u32| -> Vec<(u32, u32)> {
-            blocks.iter().flat_map(|block| &block.runs).map(|run| (run.lower - first, run.count)).collect()
-        };
-        assert_eq!(shape(&alone.blocks, 0), shape(&beside.blocks[1..], 40));
     }
 }

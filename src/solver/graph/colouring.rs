@@ -4,10 +4,10 @@
 
 use std::ops::Range;
 
-use super::super::elements::{Acting, Elements};
-use super::super::particles::Particles;
-use super::super::state::Version;
 use super::{Blocks, Linked};
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::particles::Particles;
+use crate::solver::state::Version;
 
 /// The elements within each block of particles, then those between blocks, each by colour.
 #[derive(Debug, Clone, Default)]
@@ -75,8 +75,8 @@ impl Colouring {
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::Spring;
     use super::*;
+    use crate::solver::elements::Spring;
 
     #[test]
     fn elements_of_one_colour_share_no_free_particle() {

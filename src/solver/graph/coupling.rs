@@ -1,7 +1,7 @@
 //! How fast the elements let each of them move: the sums over neighbours of the stability bounds.
 
-use super::super::elements::{Acting, Elements, Rates};
-use super::super::particles::Particles;
+use crate::solver::elements::{Acting, Elements, Rates};
+use crate::solver::particles::Particles;
 
 /// What a bound must know of an element and those beside it.
 #[derive(Debug, Clone, Copy)]

@@ -13,11 +13,11 @@
 //! two halves are eliminated side by side, which the processor does at the same time. An element of more than
 //! two ends couples all of them, so that these are in the core.
 
-use super::super::buckets::Buckets;
-use super::super::elements::{Acting, Elements};
-use super::super::particles::Particles;
 use super::hierarchy::Hierarchy;
 use super::{Islands, Linked};
+use crate::solver::buckets::Buckets;
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::particles::Particles;
 
 /// The nodes of an island, the elements between them, and the order of elimination.
 #[derive(Debug, Clone, Default)]
@@ -194,8 +194,8 @@ impl Elimination {
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::{Bend, Spring};
     use super::*;
+    use crate::solver::elements::{Bend, Spring};
 
     fn eliminations(links: &[[u32; 2]], bends: &[[u32; 3]], inverse_mass: &[f32]) -> Vec<Elimination> {
         let (mut elements, mut particles) = (Elements::default(), Particles::default());

@@ -1,8 +1,8 @@
 //! What the contacts must know of the springs: which pairs do not collide, and which particles are pulled at.
 
-use super::super::buckets::Buckets;
-use super::super::elements::{Acting, Elements};
-use super::super::particles::Particles;
+use crate::solver::buckets::Buckets;
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::particles::Particles;
 
 /// Rest lengths are often measured from positions, and radii chosen to fit them. By this part a rest length may
 /// be below the sum of the radii without being shorter.

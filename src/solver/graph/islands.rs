@@ -3,9 +3,9 @@
 //! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
 //! exert no force.
 
-use super::super::elements::{Acting, Elements};
-use super::super::particles::Particles;
-use super::super::state::Version;
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::particles::Particles;
+use crate::solver::state::Version;
 
 /// The islands of free particles, in the order of their first slots.
 #[derive(Debug, Clone, Default)]
@@ -99,17 +99,19 @@ impl Islands {
 pub(in crate::solver) struct IslandSet {
     islands: Vec<bool>,
     others: bool,
+    /// Of the islands that it is a set of.
+    key: (Version, Version),
     version: Version,
 }
 
 impl IslandSet {
-    /// Makes it these islands, and the free particles in none if `others`.
-    pub fn set(&mut self, islands: impl Iterator<Item = bool> + Clone, others: bool, are_new: bool) {
-        if are_new || self.others != others || !self.islands.iter().copied().eq(islands.clone()) {
+    /// Makes it those of `islands` that are `chosen`, and the free particles in none if `others`.
+    pub fn set(&mut self, islands: &Islands, chosen: impl Iterator<Item = bool> + Clone, others: bool) {
+        let is_same = self.key == islands.key && self.others == others;
+        if !is_same || !self.islands.iter().copied().eq(chosen.clone()) {
             self.islands.clear();
-            self.islands.extend(islands);
-            self.others = others;
-            self.version = Version::new();
+            self.islands.extend(chosen);
+            (self.others, self.key, self.version) = (others, islands.key, Version::new());
         }
     }
 
@@ -177,8 +179,8 @@ pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::{Bend, Spring};
     use super::*;
+    use crate::solver::elements::{Bend, Spring};
 
     fn particles(inverse_mass: &[f32]) -> Particles {
         let mut particles = Particles::default();

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::super::elements::{Spring, Table};
+use crate::solver::elements::{Spring, Table};
 
 /// Runs stay within this number of particles, whose state fits in the first-level cache.
 const TILE: usize = 1024;
@@ -136,4 +136,37 @@ fn ranges(spans: &[Span]) -> Vec<Range<usize>> {
         is_open = ranges.last().is_some_and(|last| last.len() < MIN_BLOCK);
     }
     ranges
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::super::block::Block;
+    use super::super::blocks::Blocks;
+    use crate::solver::elements::{Elements, Spring};
+    use crate::solver::particles::Particles;
+
+    #[test]
+    fn the_blocks_of_an_island_do_not_depend_on_what_is_before_it() {
+        let rope = |elements: &mut Elements, start: u32, count: u32| {
+            for slot in start + 1..start + count {
+                let spring = Spring { rest_length: 0.1, stiffness: 1.0, damping: 0.0 };
+                elements.push([slot - 1, slot], spring);
+            }
+        };
+        let blocks = |elements: Elements, count: usize| {
+            let mut particles = Particles::default();
+            (0..count).for_each(|_| particles.push(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0));
+            Blocks::of(elements, &particles).blocks
+        };
+        let (mut alone, mut beside) = (Elements::default(), Elements::default());
+        rope(&mut alone, 0, 5000);
+        rope(&mut beside, 0, 40);
+        rope(&mut beside, 40, 5000);
+        let shape = |blocks: &[Block], first: u32| -> Vec<(u32, u32)> {
+            blocks.iter().flat_map(|block| &block.runs).map(|run| (run.lower - first, run.count)).collect()
+        };
+        assert_eq!(shape(&blocks(alone, 5000), 0), shape(&blocks(beside, 5040)[1..], 40));
+    }
 }

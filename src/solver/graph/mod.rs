@@ -5,7 +5,8 @@
 //! scheme, [`Exclusions`] the contacts, couplings the stability bounds. All of these are caches: pure functions
 //! of the state. An element that is removed leaves them at once.
 
-pub(super) mod blocks;
+pub(super) mod block;
+mod blocks;
 mod colouring;
 mod coupling;
 mod elimination;
@@ -16,7 +17,7 @@ mod layout;
 mod neighbours;
 mod order;
 
-use super::elements::MAX_ENDS;
+use crate::solver::elements::MAX_ENDS;
 pub(super) use blocks::Blocks;
 pub(super) use colouring::Colouring;
 pub(super) use coupling::{Coupling, for_each_coupling};

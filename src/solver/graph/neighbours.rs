@@ -1,8 +1,8 @@
 //! Which particles elements join to each particle.
 
-use super::super::buckets::Buckets;
-use super::super::elements::{Acting, Elements};
-use super::super::state::Version;
+use crate::solver::buckets::Buckets;
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::state::Version;
 
 /// The neighbours of each particle, each once, in the order of their slots.
 #[derive(Debug, Clone, Default)]

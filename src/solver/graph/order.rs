@@ -5,10 +5,10 @@
 //! *Reducing the bandwidth of sparse symmetric matrices*, 1969; reversed: George, 1971) numbers the
 //! particles outwards from a far end, so that the slots of joined ones lie close.
 
-use super::super::elements::Elements;
-use super::super::particles::Particles;
 use super::layout::MIN_BLOCK;
 use super::{Blocks, Islands, Neighbours};
+use crate::solver::elements::Elements;
+use crate::solver::particles::Particles;
 
 /// Springs with at most this distance between their slots find both ends in the first-level cache.
 const NEAR: u32 = 256;
@@ -124,8 +124,8 @@ fn visit(neighbours: &Neighbours, seed: u32, visited: &mut [bool], order: &mut V
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::Spring;
     use super::*;
+    use crate::solver::elements::Spring;
 
     const SPRING: Spring = Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 };
 

@@ -6,7 +6,7 @@ use super::Motion;
 #[cfg(test)]
 use crate::solver::elements::Bend;
 use crate::solver::elements::{Element, Spring, for_each_kind};
-use crate::solver::graph::blocks::{Block, Loose, MIN_RUN, Run};
+use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
 use crate::solver::settings::Field;
 
 /// Springs computed before their forces are added: enough that the additions do not wait for the

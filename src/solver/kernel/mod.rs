@@ -3,15 +3,15 @@
 //! They are plain loops over slices, written so that the compiler turns them into vector instructions,
 //! and compiled for each instruction set that is worth it; which one runs is chosen once, when the
 //! program starts (by the crate `pulp`). No operation is reordered or contracted, so all of them give the
-//! same bits, those of [`Element::pull`](super::elements::Element::pull) one element after the other.
+//! same bits, those of [`Element::pull`](crate::solver::elements::Element::pull) one element after the other.
 
 mod accelerations;
 
-use super::graph::Blocks;
-use super::graph::blocks::Block;
-use super::parallel;
-use super::particles::{Particles, Vectors};
-use super::settings::Field;
+use crate::solver::graph::Blocks;
+use crate::solver::graph::block::Block;
+use crate::solver::parallel;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::Field;
 use accelerations::block_accelerations;
 
 /// What the forces depend on: all particles, three arrays for each vector.

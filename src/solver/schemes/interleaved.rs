@@ -16,10 +16,10 @@
 
 use bevy::math::Vec3;
 
-use super::super::elements::Elements;
-use super::super::particles::{Particles, Vectors};
-use super::super::settings::Field;
 use super::ImplicitEuler;
+use crate::solver::elements::Elements;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::Field;
 
 /// The motion of the stiff particles within a tick: working memory.
 #[derive(Debug, Clone, Default)]

@@ -12,11 +12,11 @@ mod semi_implicit_euler;
 mod velocity_verlet;
 mod xpbd;
 
-use super::elements::Elements;
-use super::graph::{Blocks, Colouring};
-use super::kernel::{self, Motion};
-use super::particles::{Particles, PinnedMotions, Vectors};
-use super::settings::{Field, Integrator};
+use crate::solver::elements::Elements;
+use crate::solver::graph::{Blocks, Colouring};
+use crate::solver::kernel::{self, Motion};
+use crate::solver::particles::{Particles, PinnedMotions, Vectors};
+use crate::solver::settings::{Field, Integrator};
 pub(super) use implicit_euler::ImplicitEuler;
 pub(super) use interleaved::{Interleaved, Position};
 

@@ -4,9 +4,9 @@
 //! (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, 2006, I.1.2), at the cost of the
 //! explicit scheme.
 
-use super::super::kernel::{self, Accelerate, Advance, Motion, Moved};
-use super::super::parallel;
 use super::Stage;
+use crate::solver::kernel::{self, Accelerate, Advance, Motion, Moved};
+use crate::solver::parallel;
 
 /// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
 /// want the old one.

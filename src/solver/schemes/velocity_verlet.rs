@@ -5,10 +5,10 @@
 //! λ = 1), which keeps the second order with damping and is the original scheme without. The a of a substep
 //! is the a' of the one before, so that each costs one evaluation; the first of a tick takes a(x, v).
 
-use super::super::kernel::{self, Accelerate, Correct, Motion, Predict};
-use super::super::parallel;
-use super::super::particles::Vectors;
 use super::Stage;
+use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict};
+use crate::solver::parallel;
+use crate::solver::particles::Vectors;
 
 /// What the last substep has left for the next one, besides the state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -17,12 +17,12 @@
 
 use bevy::math::{DVec3, Vec3};
 
-use super::super::elements::Elements;
-use super::super::graph::{Colouring, Linked};
-use super::super::parallel;
-use super::super::particles::{Particles, Vectors, set};
-use super::super::settings::Field;
 use super::Net;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{Colouring, Linked};
+use crate::solver::parallel;
+use crate::solver::particles::{Particles, Vectors, set};
+use crate::solver::settings::Field;
 
 /// The particles in f64, one entry a slot: working memory.
 #[derive(Debug, Clone, Default)]

@@ -5,10 +5,10 @@ mod modes;
 mod plan;
 mod tally;
 
-use super::elements::Elements;
-use super::graph::{for_each_coupling, has_loops};
-use super::particles::Particles;
-use super::settings::Integrator;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{for_each_coupling, has_loops};
+use crate::solver::particles::Particles;
+use crate::solver::settings::Integrator;
 pub use plan::Plan;
 pub(super) use plan::Planner;
 use tally::Tally;

@@ -1,6 +1,6 @@
 //! What a step of each scheme does to one mode: the spectral radii with which the tests compare the bounds.
 
-use super::super::settings::Integrator;
+use crate::solver::settings::Integrator;
 
 /// The largest modulus of the eigenvalues of one step on the mode x'' = −ω² x − γ x'.
 pub(super) fn spectral_radius(scheme: Integrator, omega: f64, gamma: f64, step: f64) -> f64 {

@@ -1,12 +1,12 @@
 //! Which scheme advances each island in a tick, and in how many substeps.
 
-use super::super::elements::Elements;
-use super::super::graph::{IslandSet, Islands, for_each_coupling};
-use super::super::particles::Particles;
-use super::super::settings::{Integrator, StepSettings, SubstepMode};
-use super::super::state::Version;
 use super::FrequencyBounds;
 use super::tally::Tally;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{IslandSet, Islands, for_each_coupling};
+use crate::solver::particles::Particles;
+use crate::solver::settings::{Integrator, StepSettings, SubstepMode};
+use crate::solver::state::Version;
 
 /// What a tick runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -134,7 +134,6 @@ impl Planner {
         time_step: f32,
         minimum: u32,
     ) -> Plan {
-        let last_key = self.island_key;
         self.refresh_island_bounds(elements, particles, viscosity);
         let (bounds, others) = &self.island_bounds;
         let is_stiff = |bounds: &FrequencyBounds| bounds.is_stiff(time_step, minimum);
@@ -163,7 +162,7 @@ impl Planner {
             let is_explicit = together.0 != Integrator::ImplicitEuler;
             return if is_explicit { together } else { (Integrator::VelocityVerlet, explicit) }.into();
         }
-        self.stiff.set(bounds.iter().map(is_stiff), others_are_stiff, last_key != self.island_key);
+        self.stiff.set(&self.islands, bounds.iter().map(is_stiff), others_are_stiff);
         let implicit =
             FrequencyBounds { has_loops, ..*whole }.auto_substeps(Integrator::ImplicitEuler, time_step);
         let stiff_substeps = implicit.max(minimum);
@@ -176,8 +175,8 @@ impl Planner {
 pub(super) mod tests {
     use bevy::math::Vec3;
 
-    use super::super::super::elements::Spring;
     use super::*;
+    use crate::solver::elements::Spring;
 
     const TIME_STEP: f32 = 1.0 / 64.0;
 

@@ -12,7 +12,7 @@ pub struct MassSpring {
 }
 
 impl MassSpring {
-    pub fn new(scene: &Scene, integrator: Integrator, substeps: Substeps) -> Self {
+    pub fn new(scene: &Scene, integrator: Integrator, substeps: SubstepMode) -> Self {
         let mut app = headless::app();
         app.add_plugins(MassSpringPlugin::default())
             .insert_resource(Environment { gravity: GRAVITY, ..Environment::default() })

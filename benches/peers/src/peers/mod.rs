@@ -9,7 +9,7 @@ mod naive;
 mod rapier_soft_body;
 
 use bevy::math::Vec3;
-use bevy_mass_spring::{Integrator, Substeps};
+use bevy_mass_spring::{Integrator, SubstepMode};
 
 use crate::scene::Scene;
 
@@ -42,13 +42,13 @@ pub fn all() -> Vec<Entry> {
     }
     for substeps in [8, 16, 20, 32] {
         entries.push(entry("bevy_mass_spring", substeps, |scene, substeps| {
-            mass_spring::MassSpring::new(scene, Integrator::SemiImplicitEuler, Substeps::Fixed(substeps))
+            mass_spring::MassSpring::new(scene, Integrator::SemiImplicitEuler, SubstepMode::Fixed(substeps))
         }));
     }
     entries.push(Entry {
         name: "bevy_mass_spring, Auto".to_owned(),
         start: Box::new(|scene| {
-            Box::new(mass_spring::MassSpring::new(scene, Integrator::Auto, Substeps::Auto))
+            Box::new(mass_spring::MassSpring::new(scene, Integrator::Auto, SubstepMode::Auto))
         }),
     });
     for substeps in [16, 32] {

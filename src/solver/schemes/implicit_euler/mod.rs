@@ -23,11 +23,11 @@ mod system;
 
 use bevy::math::{DVec3, Vec3};
 
-use super::super::elements::Elements;
-use super::super::graph::{Elimination, IslandSet, Islands};
-use super::super::particles::{Particles, Vectors};
-use super::super::settings::Field;
-use super::super::state::Version;
+use crate::solver::elements::Elements;
+use crate::solver::graph::{Elimination, IslandSet, Islands};
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::Field;
+use crate::solver::state::Version;
 use newton::Newton;
 use system::System;
 

@@ -5,11 +5,11 @@
 
 use bevy::math::DVec3;
 
-use super::super::super::elements::{Elements, MAX_ENDS, Potential};
-use super::super::super::graph::{Elimination, Linked};
-use super::super::super::particles::Particles;
-use super::super::super::settings::Field;
 use super::block::Symmetric;
+use crate::solver::elements::{Elements, MAX_ENDS, Potential};
+use crate::solver::graph::{Elimination, Linked};
+use crate::solver::particles::Particles;
+use crate::solver::settings::Field;
 
 /// Components of corrections below this are cleared, m.
 const NEGLIGIBLE: f64 = 1e-60;
