@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 
-use super::Motion;
+use super::{Motion, in_vectors};
 #[cfg(test)]
 use crate::solver::elements::Bend;
 use crate::solver::elements::{Element, Spring, for_each_kind};
@@ -46,9 +46,11 @@ pub(super) fn block_accelerations(
         let applied_force = &motion.applied_force[axis][range.clone()];
         let velocity = &motion.velocity[axis][range.clone()];
         let force = &mut force[..count];
-        for index in 0..count {
-            // The drag of the medium: −ν v.
-            force[index] = applied_force[index] - field.viscosity * velocity[index];
+        for part in in_vectors(block.slots.start, count) {
+            for index in part {
+                // The drag of the medium: −ν v.
+                force[index] = applied_force[index] - field.viscosity * velocity[index];
+            }
         }
     }
     add_runs(block, motion, &mut force, block.slots.start);
@@ -58,9 +60,11 @@ pub(super) fn block_accelerations(
     let inverse_mass = &motion.inverse_mass[range];
     for (force, gravity) in force.iter_mut().zip(field.gravity.to_array()) {
         let force = &mut force[..count];
-        for index in 0..count {
-            let free = force[index] * inverse_mass[index] + gravity;
-            force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
+        for part in in_vectors(block.slots.start, count) {
+            for index in part {
+                let free = force[index] * inverse_mass[index] + gravity;
+                force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
+            }
         }
     }
 }
