@@ -212,9 +212,15 @@ impl Solver {
         &self.state
     }
 
-    /// Puts a state back, or that of another solver. What follows is to the bit what followed there.
+    /// Puts a state back, or that of another solver. With the same planes and motions of pinned particles, what
+    /// follows is to the bit what followed there. Motions begin where the state has the particles; those of
+    /// particles that it lacks end.
     pub fn restore(&mut self, state: State) {
         self.state = state;
+        self.inputs.pinned.retain(|motion| motion.slot < self.state.particles.len());
+        for motion in &mut self.inputs.pinned {
+            motion.start = self.state.particles.position.get(motion.slot);
+        }
     }
 
     /// Drops all that is derived from the state. It changes no result.

@@ -36,10 +36,8 @@ pub(super) fn run_step(
     outputs.record_contacts = contacts.is_some();
     outputs.record_forces = forces.is_some();
     step(&mut state.solver, inputs, caches, outputs, &settings);
-    (state.version, *version) = {
-        let new = Version::new();
-        (new, new)
-    };
+    state.version = Version::new();
+    *version = state.version;
     let Plan { integrator, substeps, stiff_substeps, stiff_springs } = outputs.plan;
     report.tick += 1;
     (report.integrator, report.substeps) = (integrator, substeps);

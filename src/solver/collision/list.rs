@@ -1,5 +1,7 @@
 //! A list of pairs that may touch, in which a pair can be found by its particles.
 
+use crate::solver::buckets::Buckets;
+
 /// What is known of a pair from the substep before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Past {
@@ -26,47 +28,34 @@ pub(super) struct Candidate {
 #[derive(Debug, Clone, Default)]
 pub(super) struct List {
     pub pairs: Vec<Candidate>,
-    /// `starts[a]..starts[a + 1]` are the partners of the particle in slot a.
-    starts: Vec<u32>,
-    /// The partners in the slots b > a, and the place of the pair in the list.
-    partners: Vec<(u32, u32)>,
+    /// Of each slot the partners in higher slots, and the place of the pair in the list.
+    partners: Buckets<(u32, u32)>,
 }
 
 impl List {
     /// Removes the pairs.
     pub fn clear(&mut self) {
         self.pairs.clear();
-        self.starts.clear();
+        self.partners.fill(0, |_| {});
     }
 
     /// Finds out where the pairs of each particle are; `slot_of` has the slot of each body.
     pub fn index(&mut self, slot_of: &[u32]) {
-        let Self { pairs, starts, partners } = self;
-        starts.clear();
-        starts.resize(slot_of.len() + 1, 0);
-        for pair in &*pairs {
-            let [a, _] = slots(slot_of, pair);
-            starts[a as usize] += 1;
-        }
-        let mut total = 0;
-        for start in &mut *starts {
-            total += *start;
-            *start = total;
-        }
-        partners.clear();
-        partners.resize(pairs.len(), (0, 0));
-        for (place, pair) in pairs.iter().enumerate() {
-            let [a, b] = slots(slot_of, pair);
-            let start = &mut starts[a as usize];
-            *start -= 1;
-            partners[*start as usize] = (b, place as u32);
-        }
+        let Self { pairs, partners } = self;
+        partners.fill(slot_of.len(), |add| {
+            for (place, pair) in (0..).zip(&*pairs) {
+                let [a, b] = slots(slot_of, pair);
+                add(a as usize, (b, place));
+            }
+        });
     }
 
     /// The place of the pair of the particles in the slots a < b.
     pub fn find(&self, [a, b]: [u32; 2]) -> Option<usize> {
-        let bounds = self.starts.get(a as usize..a as usize + 2)?;
-        let partners = &self.partners[bounds[0] as usize..bounds[1] as usize];
+        if a as usize >= self.partners.len() {
+            return None;
+        }
+        let partners = self.partners.of(a as usize);
         Some(partners.iter().find(|(partner, _)| *partner == b)?.1 as usize)
     }
 }

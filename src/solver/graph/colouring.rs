@@ -9,7 +9,7 @@ use crate::solver::elements::{Acting, Elements};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
 
-/// The elements within each block of particles, then those between blocks, each by colour.
+/// The elements whose free ends are within one block of particles, then those between blocks, each by colour.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Colouring {
     elements: Vec<Linked>,
@@ -47,9 +47,10 @@ impl Colouring {
             let is_unused = |colour: &u32| free().all(|end| !taken[end].contains(colour));
             let colour = (0..).find(is_unused).unwrap_or(0);
             free().for_each(|end| taken[end].push(colour));
-            let block = block_of[ends[0] as usize];
-            let within = ends.iter().all(|end| block_of[*end as usize] == block);
-            coloured.push((if within { block } else { count }, colour, Linked::new(number, ends)));
+            let mut blocks = free().map(|end| block_of[end]);
+            let Some(block) = blocks.next() else { return };
+            let is_within = blocks.all(|other| other == block);
+            coloured.push((if is_within { block } else { count }, colour, Linked::new(number, ends)));
         });
         coloured.sort_unstable();
         self.block_ends.clear();
@@ -92,9 +93,9 @@ mod tests {
         colouring.colour(&elements, &particles, std::iter::once(0..4));
         // The colours are 0, 1, 0, 2, 1.
         assert_eq!(numbers(&colouring.elements), [0, 2, 1, 4, 3]);
-        // Of the blocks {0, 1} and {2, 3}, each has one to itself.
+        // Of the blocks {0, 1} and {2, 3}, one has element 0 to itself, the other 2, and 4, whose other end is pinned.
         colouring.colour(&elements, &particles, [0..2, 2..4].into_iter());
-        assert_eq!(colouring.within_blocks().map(numbers).collect::<Vec<_>>(), [[0], [2]]);
-        assert_eq!(numbers(colouring.between_blocks()), [1, 4, 3]);
+        assert_eq!(colouring.within_blocks().map(numbers).collect::<Vec<_>>(), [vec![0], vec![2, 4]]);
+        assert_eq!(numbers(colouring.between_blocks()), [1, 3]);
     }
 }

@@ -73,7 +73,7 @@ impl Interleaved {
     ) {
         let left = (count - done) as f32 * substep;
         if done > 0 {
-            self.glides.iter_mut().for_each(|glide| glide.notice_impact(particles, done, left));
+            self.glides.iter_mut().for_each(|glide| glide.follow_contact(particles, done, left));
             return;
         }
         for glide in &mut self.glides {
@@ -109,7 +109,8 @@ impl Interleaved {
 }
 
 impl Glide {
-    fn notice_impact(&mut self, particles: &Particles, done: u32, left: f32) {
+    /// Glides on from where a contact has put it, or with the velocity that it got there.
+    fn follow_contact(&mut self, particles: &Particles, done: u32, left: f32) {
         let (position, velocity) = (particles.position.get(self.slot), particles.velocity.get(self.slot));
         if position != self.position || velocity != self.velocity {
             let target = position + left * velocity;

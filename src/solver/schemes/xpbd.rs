@@ -104,18 +104,17 @@ impl Piece<'_> {
         self.displacement.fill(DVec3::ZERO);
         for place in 0..self.start.len() {
             let slot = self.first + place;
-            let start = particles.position.get(slot).as_dvec3();
-            let velocity = match particles.is_pinned(slot) {
-                false => particles.free_velocity(slot, field, h),
-                true => particles.velocity.get(slot).as_dvec3(),
-            };
-            self.start[place] = start;
-            self.velocity[place] = velocity;
-            self.position[place] = start + h * velocity;
+            if particles.is_pinned(slot) {
+                [self.start[place], self.position[place]] = pinned_path(particles, slot, h);
+                continue;
+            }
+            self.start[place] = particles.position.get(slot).as_dvec3();
+            self.velocity[place] = particles.free_velocity(slot, field, h);
+            self.position[place] = self.start[place] + h * self.velocity[place];
         }
     }
 
-    /// Solves for the `listed` elements, one after the other; all their ends are in the piece.
+    /// Solves for the `listed` elements, one after the other; all their free ends are in the piece.
     fn solve(&mut self, listed: &[Linked], elements: &Elements, particles: &Particles, h: f64) {
         let inverse_mass = particles.inverse_mass();
         for linked in listed {
@@ -123,9 +122,9 @@ impl Piece<'_> {
             let ends = || linked.ends().iter().map(|end| *end as usize).zip(weights);
             let (mut separation, mut start, mut mobility) = (DVec3::ZERO, DVec3::ZERO, 0.0);
             for (end, weight) in ends() {
-                let place = end - self.first;
-                separation += weight * self.position[place];
-                start += weight * self.start[place];
+                let [at_start, position] = self.ends_of_path(particles, end, h);
+                separation += weight * position;
+                start += weight * at_start;
                 mobility += weight * weight * f64::from(inverse_mass[end]);
             }
             let length = separation.length();
@@ -138,10 +137,23 @@ impl Piece<'_> {
             let pull = stiffness * (length - rest_length) + damping * direction.dot(separation - start);
             let impulse = direction * (-pull / (1.0 + (stiffness + damping) * mobility));
             for (end, weight) in ends() {
-                let displacement = impulse * (weight * f64::from(inverse_mass[end]));
-                self.position[end - self.first] += displacement;
-                self.displacement[end - self.first] += displacement;
+                let place = end.wrapping_sub(self.first);
+                if place < self.position.len() {
+                    let displacement = impulse * (weight * f64::from(inverse_mass[end]));
+                    self.position[place] += displacement;
+                    self.displacement[place] += displacement;
+                }
             }
+        }
+    }
+
+    /// Where a particle was before the substep, and where it is now. One of another piece is pinned.
+    #[inline]
+    fn ends_of_path(&self, particles: &Particles, slot: usize, h: f64) -> [DVec3; 2] {
+        let place = slot.wrapping_sub(self.first);
+        match (self.start.get(place), self.position.get(place)) {
+            (Some(start), Some(position)) => [*start, *position],
+            _ => pinned_path(particles, slot, h),
         }
     }
 
@@ -160,4 +172,10 @@ impl Piece<'_> {
             set(&mut acceleration, place, ((new - old) / h).as_vec3());
         }
     }
+}
+
+/// Where a pinned particle is before and after a substep of `h` seconds.
+fn pinned_path(particles: &Particles, slot: usize, h: f64) -> [DVec3; 2] {
+    let start = particles.position.get(slot).as_dvec3();
+    [start, start + h * particles.velocity.get(slot).as_dvec3()]
 }
