@@ -48,6 +48,28 @@ fn the_target_is_reached_exactly_with_the_velocity_of_the_motion() {
     }
 }
 
+/// A motion that was ordered before the state was put back begins where the state has the particle.
+#[test]
+fn a_restored_solver_repeats_a_motion() {
+    for scheme in Integrator::named() {
+        let mut solver = pair(300.0, 2.0);
+        let settings = settings(scheme, 3);
+        solver.step(&settings);
+        let saved = solver.state().clone();
+        solver.move_pinned(0, Vec3::new(0.1, 0.7, -0.3));
+        let mut history = |_| {
+            solver.restore(saved.clone());
+            std::array::from_fn::<_, 5, _>(|_| {
+                solver.step(&settings);
+                [solver.position(0), solver.position(1), solver.velocity(1)]
+            })
+        };
+        let [first, second] = [0, 1].map(&mut history);
+        assert_eq!(first, second, "{scheme}");
+        assert_ne!(first[0][2], Vec3::ZERO, "{scheme}");
+    }
+}
+
 #[test]
 fn no_force_moves_it() {
     for scheme in Integrator::named() {
