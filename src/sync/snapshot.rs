@@ -83,6 +83,9 @@ impl Snapshot {
     /// Takes a snapshot of all particles, springs and planes. It changes nothing.
     ///
     /// Between two ticks positions are those of the last one, not those that interpolation shows.
+    ///
+    /// # Panics
+    /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
     pub fn take(world: &World) -> Self {
         let state = world.resource::<MassSpringState>();
         let particles = state.particles.entities();
@@ -99,6 +102,9 @@ impl Snapshot {
     /// planes return to what they were; particles that were quarantined since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
     /// spawned.
+    ///
+    /// # Panics
+    /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
     pub fn restore(&self, world: &mut World) {
         self.clone().put_back(world);
     }
@@ -108,6 +114,9 @@ impl Snapshot {
     ///
     /// # Errors
     /// If the world has another number of particles, springs or planes. Nothing is changed then.
+    ///
+    /// # Panics
+    /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
     pub fn restore_in_order(&self, world: &mut World) -> Result<(), SnapshotError> {
         let present = Self::take(world);
         let pairs = [

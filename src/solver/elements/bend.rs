@@ -171,6 +171,11 @@ mod tests {
     }
 
     #[test]
+    fn another_kind_of_two_ends_follows_its_recurrence_in_every_scheme() {
+        follows_its_recurrence([1.0, -1.0], [3.0, 8.0]);
+    }
+
+    #[test]
     fn a_rod_of_three_ends_follows_its_recurrence_in_every_scheme() {
         follows_its_recurrence([1.0, -2.0, 1.0], [3.0, 8.0, 4.0]);
     }

@@ -95,6 +95,7 @@ macro_rules! for_each_kind {
     ($callback:ident) => {
         $callback! {
             springs: Spring, 2;
+            #[cfg(test)] ties: Bend<2>, 2;
             #[cfg(test)] rods: Bend<3>, 3;
             #[cfg(test)] hinges: Bend<4>, 4;
         }

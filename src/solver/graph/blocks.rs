@@ -11,6 +11,7 @@
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
+use std::any::TypeId;
 use std::ops::Range;
 
 use super::block::{Block, Entry, Loose, Owned};
@@ -31,8 +32,8 @@ macro_rules! define_list_others {
         impl Blocks {
             /// Lists the elements of all kinds but the springs.
             fn list_others(&mut self, elements: &Elements) {
-                // The springs, which come first, have runs.
-                $($(#[$meta])* if $ends > 2 {
+                // The springs have runs.
+                $($(#[$meta])* if TypeId::of::<$element>() != TypeId::of::<Spring>() {
                     let table = Holds::<$element, $ends>::table(elements);
                     for index in 0..table.len() {
                         self.add_loose(table, index, |block| &mut block.loose.$kind);
