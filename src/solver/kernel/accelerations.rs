@@ -181,7 +181,8 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
     }
 }
 
-/// Adds the forces of loose elements: gathered, computed together, and added one after the other.
+/// Adds the forces of loose elements: gathered, computed together, and added one after the other; the last ones,
+/// too few to fill a vector, one by one.
 #[inline(always)]
 fn add_loose<E: Element<N>, const N: usize>(
     loose: &[Loose<E, N>],
@@ -189,26 +190,31 @@ fn add_loose<E: Element<N>, const N: usize>(
     force: &mut [&mut [f32]; 3],
     start: usize,
 ) {
-    for group in loose.chunks(LANES) {
-        let mut separation = [Vec3::ZERO; LANES];
-        let mut rate = [Vec3::ZERO; LANES];
-        for (lane, Loose { ends, element, .. }) in group.iter().enumerate() {
-            separation[lane] = combine(motion.position, ends, element.weights());
-            rate[lane] = combine(motion.velocity, ends, element.weights());
-        }
-        let mut pulls = [Vec3::ZERO; LANES];
-        for (lane, Loose { element, .. }) in group.iter().enumerate() {
-            pulls[lane] = element.pull(separation[lane], rate[lane]);
-        }
-        for (Loose { ends, owned, element }, pull) in group.iter().zip(pulls) {
-            for ((&end, owned), weight) in ends.iter().zip(owned).zip(element.weights()) {
-                if *owned {
-                    for (force, pull) in force.iter_mut().zip(pull.to_array()) {
-                        force[end as usize - start] += weight * pull;
-                    }
+    let separation = |Loose { ends, element, .. }: &Loose<E, N>| {
+        [motion.position, motion.velocity].map(|vectors| combine(vectors, ends, element.weights()))
+    };
+    let mut add = |Loose { ends, owned, element }: &Loose<E, N>, pull: Vec3| {
+        for ((&end, owned), weight) in ends.iter().zip(owned).zip(element.weights()) {
+            if *owned {
+                for (force, pull) in force.iter_mut().zip(pull.to_array()) {
+                    force[end as usize - start] += weight * pull;
                 }
             }
         }
+    };
+    let (groups, last) = loose.as_chunks::<LANES>();
+    for group in groups {
+        let separations = group.each_ref().map(separation);
+        let mut pulls = [Vec3::ZERO; LANES];
+        for lane in 0..LANES {
+            let [separation, rate] = separations[lane];
+            pulls[lane] = group[lane].element.pull(separation, rate);
+        }
+        group.iter().zip(pulls).for_each(|(loose, pull)| add(loose, pull));
+    }
+    for loose in last {
+        let [separation, rate] = separation(loose);
+        add(loose, loose.element.pull(separation, rate));
     }
 }
 
