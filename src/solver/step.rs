@@ -1,11 +1,11 @@
 //! A tick: plan → substeps → outputs.
 
-use crate::solver::collision::{ContactCaches, Plane, Substep};
+use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use crate::solver::settings::{Field, Integrator, StepSettings};
+use crate::solver::settings::{Integrator, StepSettings};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 
@@ -55,7 +55,10 @@ pub(crate) fn step(
         let elapsed =
             if index + 1 == plan.substeps { 1.0 } else { (index + 1) as f32 / plan.substeps as f32 };
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
-        caches.advance(state, settings.field(), pinned, plan, (index, duration));
+        caches.advance(state, inputs, settings, pinned, plan, (index, duration));
+        if outputs.record_contacts && plan.begins_implicit_step(index) {
+            outputs.contacts.extend_from_slice(caches.implicit_euler.touching());
+        }
         pinned.apply(&mut state.particles);
         let substep = Substep {
             elements: &state.elements,
@@ -75,7 +78,8 @@ pub(crate) fn step(
     caches.contacts.end_tick(&mut state.contacts);
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
-    outputs.contact_count = caches.contacts.count();
+    let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
+    outputs.contact_count = caches.contacts.count() + in_implicit_step;
     outputs.end_tick(&state.elements, &state.particles);
 }
 
@@ -106,10 +110,13 @@ impl Caches {
         let State { particles, elements, .. } = state;
         self.scratch.begin_tick(particles.len());
         let is_divided = plan.stiff_substeps > 0;
-        if is_divided || plan.integrator == Integrator::ImplicitEuler {
+        if plan.is_implicit() {
             self.planner.refresh_islands(elements, particles);
             let (islands, stiff) = self.planner.stiff_islands();
             self.implicit_euler.prepare(elements, particles, islands, is_divided.then_some(stiff));
+            self.contacts.set_implicit(particles.len(), self.implicit_euler.island_slots());
+        } else {
+            self.contacts.set_implicit(0, std::iter::empty());
         }
         if is_divided {
             self.interleaved.begin_tick(&self.implicit_euler);
@@ -131,22 +138,42 @@ impl Caches {
     fn advance(
         &mut self,
         state: &mut State,
-        field: Field,
+        inputs: &Inputs,
+        settings: &StepSettings,
         pinned: PinnedMotions,
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, .. } = state;
+        let State { particles, elements, contacts } = state;
+        let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         let position = (plan.stiff_substeps > 0).then(|| {
             let count = plan.substeps / plan.stiff_substeps;
             Position { done: index % count, count, substep }
         });
+        let step_end = match position {
+            Some(Position { done, count, .. }) => index - done + count,
+            None => index + 1,
+        };
+        let surroundings = Surroundings {
+            planes: &inputs.planes,
+            settings,
+            memory: contacts,
+            elapsed: step_end as f32 / plan.substeps as f32,
+        };
         if let Some(position) = position {
             let acceleration = &mut scratch.acceleration;
-            interleaved.before_substep(implicit_euler, elements, particles, acceleration, field, position);
+            interleaved.before_substep(
+                implicit_euler,
+                elements,
+                particles,
+                acceleration,
+                field,
+                surroundings,
+                position,
+            );
         }
-        let net = Net { elements, blocks, colouring, field, pinned };
+        let net = Net { elements, blocks, colouring, field, pinned, surroundings };
         schemes::advance(plan.integrator, net, particles, scratch, implicit_euler, substep);
         if let Some(position) = position {
             interleaved.after_substep(particles, &mut scratch.acceleration, position);

@@ -31,6 +31,8 @@ pub(super) struct Body {
     pub supported: bool,
     /// Whether springs pull at it.
     pub sprung: bool,
+    /// Whether its contacts with what is pinned are solved by implicit Euler.
+    pub implicit: bool,
 }
 
 impl Body {
@@ -47,7 +49,7 @@ pub(super) fn fill(
     particles: &Particles,
     previous: &Vectors,
     regions: &Regions,
-    exclusions: &Exclusions,
+    (exclusions, is_implicit): (&Exclusions, &[bool]),
 ) {
     bodies.resize(particles.len(), Body::default());
     let parts = bodies.chunks_mut(BODIES_PER_PART).zip(regions.slot_of.chunks(BODIES_PER_PART));
@@ -63,6 +65,7 @@ pub(super) fn fill(
                 holds: 0,
                 supported: particles.inverse_mass()[slot] == 0.0,
                 sprung: exclusions.is_sprung(slot),
+                implicit: is_implicit.get(slot) == Some(&true),
             };
         }
     });

@@ -77,8 +77,13 @@ impl ContactMemory {
         self.request_search();
     }
 
+    /// Whether the particles in two slots overlap ever since one of them was new.
+    pub(in crate::solver) fn are_entangled(&self, one: u32, other: u32) -> bool {
+        self.entangled.contains(&[one.min(other), one.max(other)])
+    }
+
     /// Whether the particle in a slot has been through a search since it was added or put there.
-    pub(super) fn has_searched(&self, slot: u32) -> bool {
+    pub(in crate::solver) fn has_searched(&self, slot: u32) -> bool {
         self.searched.get(slot as usize) == Some(&true)
     }
 }

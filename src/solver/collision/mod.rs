@@ -17,6 +17,7 @@ mod grid;
 mod list;
 mod memory;
 mod narrow;
+mod obstacles;
 mod pairs;
 mod plane;
 mod regions;
@@ -30,6 +31,7 @@ use crate::solver::settings::{Integrator, PairRules, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
 pub use memory::ContactMemory;
+pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
 pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
@@ -83,6 +85,9 @@ pub(super) struct ContactCaches {
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
+    /// Whether the particle in each slot is in an island that implicit Euler advances: what it touches of planes
+    /// and pinned particles is a part of that step. Empty where it advances none.
+    is_implicit: Vec<bool>,
 }
 
 /// What a substep of the contacts reads.
@@ -116,6 +121,15 @@ impl ContactCaches {
 
     fn pair_count(&self) -> usize {
         self.candidates.groups.contacts()
+    }
+
+    /// Takes note of the particles in the islands that implicit Euler advances.
+    pub fn set_implicit(&mut self, count: usize, slots: impl Iterator<Item = usize>) {
+        self.is_implicit.clear();
+        for slot in slots {
+            self.is_implicit.resize(count, false);
+            self.is_implicit[slot] = true;
+        }
     }
 
     /// Keeps the positions from which friction measures how far particles slipped.
@@ -178,14 +192,16 @@ impl ContactCaches {
             for (index, plane) in planes.iter().enumerate() {
                 let surface = plane.surface(elapsed, settings.time_step);
                 let found = &mut self.plane_contacts;
-                plane::find(index, &surface, particles, acceleration, rebound, body_of, found);
+                let bodies = (&body_of[..], &self.is_implicit[..]);
+                plane::find(index, &surface, particles, acceleration, rebound, bodies, found);
                 self.surfaces.push(surface);
             }
         }
         let any_pairs = !self.candidates.list.pairs.is_empty();
         if any_pairs || !self.plane_contacts.is_empty() {
             let Candidates { regions, exclusions, .. } = &self.candidates;
-            bodies::fill(&mut self.bodies, particles, &self.previous, regions, exclusions);
+            let marks = (exclusions, &self.is_implicit[..]);
+            bodies::fill(&mut self.bodies, particles, &self.previous, regions, marks);
         }
         if any_pairs {
             let up = Vec3A::from(substep.up());
@@ -236,7 +252,8 @@ impl ContactCaches {
             return;
         }
         bodies::for_each(&mut self.bodies, &self.candidates.regions, |body| {
-            let held = body.holds >= JAMMING_CONTACTS && body.supported && body.inverse_mass > 0.0;
+            let is_explicit = body.inverse_mass > 0.0 && !body.implicit;
+            let held = body.holds >= JAMMING_CONTACTS && body.supported && is_explicit;
             if held && body.velocity.length_squared() < resting_speed * resting_speed {
                 body.velocity = Vec3A::ZERO;
                 body.position = body.previous;

@@ -81,6 +81,7 @@ impl Search<'_> {
                     entangled = true;
                     continue;
                 }
+                _ if solved_elsewhere(ends.map(|end| &bodies[end])) => continue,
                 Past::Contact(place) => self.last[place as usize].impulses,
                 _ => Impulses::default(),
             };
@@ -143,6 +144,11 @@ impl Search<'_> {
 #[inline(always)]
 fn places(pair: &Candidate, start: usize) -> [usize; 2] {
     [pair.upper, pair.lower].map(|body| body as usize - start)
+}
+
+/// Whether their contact is a part of an implicit step.
+fn solved_elsewhere([one, other]: [&Body; 2]) -> bool {
+    (one.implicit && other.inverse_mass == 0.0) || (other.implicit && one.inverse_mass == 0.0)
 }
 
 /// Whether two bodies overlap or touch.

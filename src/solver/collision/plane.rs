@@ -33,10 +33,10 @@ pub struct Plane {
 /// A plane at one moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface {
-    point: Vec3A,
+    pub point: Vec3A,
     pub normal: Vec3A,
-    velocity: Vec3A,
-    angular_velocity: Vec3A,
+    pub velocity: Vec3A,
+    pub angular_velocity: Vec3A,
     restitution: f32,
     pub friction: f32,
 }
@@ -110,7 +110,7 @@ pub(super) fn find(
     particles: &Particles,
     acceleration: &Vectors,
     rebound: Rebound,
-    body_of: &[u32],
+    (body_of, is_implicit): (&[u32], &[bool]),
     found: &mut Vec<PlaneContact>,
 ) {
     let rebound = Rebound { restitution: surface.restitution, ..rebound };
@@ -124,7 +124,7 @@ pub(super) fn find(
         }
         for (offset, _) in touching.iter().enumerate().filter(|(_, touching)| **touching) {
             let slot = chunk * PARTICLES_PER_CHUNK + offset;
-            if particles.inverse_mass()[slot] == 0.0 {
+            if particles.inverse_mass()[slot] == 0.0 || is_implicit.get(slot) == Some(&true) {
                 continue;
             }
             let position = Vec3A::from(particles.position.get(slot));

@@ -8,6 +8,11 @@ use crate::solver::particles::Particles;
 /// be below the sum of the radii without being shorter.
 const MEASURING_ERROR: f32 = 1e-4;
 
+/// Whether the ends of a spring, whose radii add up to `reach` m, overlap at its `rest_length`, m.
+pub(in crate::solver) fn overlap_at_rest(rest_length: f64, reach: f32) -> bool {
+    rest_length < f64::from((1.0 - MEASURING_ERROR) * reach)
+}
+
 /// Derived anew with each search for candidates: then a spring, a radius or a mass has changed.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Exclusions {
@@ -34,7 +39,7 @@ impl Exclusions {
             for (&[first, second], spring) in pairs.clone() {
                 let reach = radius[first as usize] + radius[second as usize];
                 let acts = spring.stiffness > 0.0 || spring.damping > 0.0;
-                if acts && spring.rest_length < (1.0 - MEASURING_ERROR) * reach {
+                if acts && overlap_at_rest(f64::from(spring.rest_length), reach) {
                     add(first.min(second) as usize, first.max(second));
                 }
             }

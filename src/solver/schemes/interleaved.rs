@@ -17,6 +17,7 @@
 use bevy::math::Vec3;
 
 use super::ImplicitEuler;
+use crate::solver::collision::Surroundings;
 use crate::solver::elements::Elements;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::Field;
@@ -69,6 +70,7 @@ impl Interleaved {
         particles: &mut Particles,
         acceleration: &mut Vectors,
         field: Field,
+        surroundings: Surroundings,
         Position { done, count, substep }: Position,
     ) {
         let left = (count - done) as f32 * substep;
@@ -81,7 +83,7 @@ impl Interleaved {
             glide.start = particles.position.get(glide.slot);
             glide.velocity = particles.velocity.get(glide.slot);
         }
-        implicit_euler.advance(elements, particles, field, acceleration, left);
+        implicit_euler.advance(elements, particles, field, acceleration, surroundings, left);
         for glide in &mut self.glides {
             let velocity = particles.velocity.get(glide.slot);
             glide.kick = velocity - glide.velocity;

@@ -12,6 +12,7 @@ mod semi_implicit_euler;
 mod velocity_verlet;
 mod xpbd;
 
+use crate::solver::collision::Surroundings;
 use crate::solver::elements::Elements;
 use crate::solver::graph::{Blocks, Colouring};
 use crate::solver::kernel::{self, Motion};
@@ -79,6 +80,8 @@ pub(super) struct Net<'a> {
     pub field: Field,
     /// Where the pinned particles are at the end of the substep.
     pub pinned: PinnedMotions<'a>,
+    /// What an implicit step may touch.
+    pub surroundings: Surroundings<'a>,
 }
 
 /// Advances positions and velocities by one substep of `substep` seconds of a named `integrator`.
@@ -90,7 +93,7 @@ pub(super) fn advance(
     implicit_euler: &mut ImplicitEuler,
     substep: f32,
 ) {
-    let Net { elements, blocks, colouring, field, pinned } = net;
+    let Net { elements, blocks, colouring, field, pinned, surroundings } = net;
     let Scratch { acceleration, steps, xpbd } = scratch;
     let mut stage = Stage { particles, blocks, field, pinned, acceleration, scratch: steps };
     match integrator {
@@ -100,7 +103,14 @@ pub(super) fn advance(
         Integrator::VelocityVerlet => velocity_verlet::advance(&mut stage, substep),
         Integrator::RungeKutta4 => runge_kutta_4::advance(&mut stage, substep),
         Integrator::ImplicitEuler => {
-            implicit_euler.advance(elements, stage.particles, field, stage.acceleration, substep);
+            implicit_euler.advance(
+                elements,
+                stage.particles,
+                field,
+                stage.acceleration,
+                surroundings,
+                substep,
+            );
         }
         Integrator::Xpbd => xpbd.advance(net, colouring, stage.particles, stage.acceleration, substep),
     }

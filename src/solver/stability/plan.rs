@@ -29,6 +29,19 @@ impl From<(Integrator, u32)> for Plan {
     }
 }
 
+impl Plan {
+    /// Whether implicit Euler advances any island.
+    pub(in crate::solver) fn is_implicit(&self) -> bool {
+        self.stiff_substeps > 0 || self.integrator == Integrator::ImplicitEuler
+    }
+
+    /// Whether a step of implicit Euler begins with the substep of this `index`.
+    pub(in crate::solver) fn begins_implicit_step(&self, index: u32) -> bool {
+        let steps = if self.stiff_substeps > 0 { self.stiff_substeps } else { self.substeps };
+        self.is_implicit() && index.is_multiple_of(self.substeps / steps)
+    }
+}
+
 /// Makes plans; the bounds that they follow from are computed again only when these have changed.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Planner {

@@ -16,6 +16,7 @@
 
 mod block;
 mod conjugate_gradient;
+mod contacts;
 mod core;
 mod newton;
 mod preconditioner;
@@ -23,11 +24,13 @@ mod system;
 
 use bevy::math::{DVec3, Vec3};
 
-use crate::solver::elements::Elements;
-use crate::solver::graph::{Elimination, IslandSet, Islands};
+use crate::solver::collision::{ContactMemory, ContactRecord, Obstacles, Surroundings};
+use crate::solver::elements::{Acting, Elements};
+use crate::solver::graph::{Elimination, IslandSet, Islands, overlap_at_rest};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
+use contacts::{Motion, PairFilter};
 use newton::Newton;
 use system::System;
 
@@ -37,6 +40,11 @@ pub(in crate::solver) struct ImplicitEuler {
     islands: Vec<Island>,
     /// Slots of the particles in no island, and of pinned ones where it advances all.
     others: Vec<u32>,
+    /// The pinned slots that any element pulls at.
+    sprung: Vec<u32>,
+    obstacles: Obstacles,
+    /// The contacts of the last step.
+    touching: Vec<ContactRecord>,
     key: Option<(Version, Version, Version)>,
 }
 
@@ -45,6 +53,10 @@ struct Island {
     elimination: Elimination,
     system: System,
     newton: Newton,
+    /// Its springs to pinned particles: the node, the pinned slot and the spring.
+    anchors: Vec<(u32, u32, u32)>,
+    /// The nodes and pinned slots that do not collide.
+    excluded: Vec<(u32, u32)>,
 }
 
 impl ImplicitEuler {
@@ -66,10 +78,17 @@ impl ImplicitEuler {
         let eliminations = Elimination::of_islands(elements, particles, islands, is_wanted);
         self.islands.clear();
         self.islands.extend(eliminations.into_iter().map(|elimination| {
-            let mut system = System::default();
-            system.resize(&elimination);
-            Island { elimination, system, newton: Newton::default() }
+            let mut island = Island { elimination, ..Island::default() };
+            island.system.resize(&island.elimination);
+            island.find_anchors();
+            island
         }));
+        self.sprung.clear();
+        elements.for_each_acting(|Acting { ends, .. }| {
+            self.sprung.extend(ends.iter().filter(|end| particles.is_pinned(**end as usize)));
+        });
+        self.sprung.sort_unstable();
+        self.sprung.dedup();
         let is_other = |slot: &u32| {
             let slot = *slot as usize;
             islands.of(slot).is_none()
@@ -81,11 +100,18 @@ impl ImplicitEuler {
 
     /// The slots of the particles that it advances.
     pub fn slots(&self) -> impl Iterator<Item = usize> {
-        let islands = self
-            .islands
-            .iter()
-            .flat_map(|Island { elimination, .. }| elimination.slots[..elimination.free].iter());
-        islands.chain(&self.others).map(|slot| *slot as usize)
+        self.island_slots().chain(self.others.iter().map(|slot| *slot as usize))
+    }
+
+    /// The contacts of the last step.
+    pub fn touching(&self) -> &[ContactRecord] {
+        &self.touching
+    }
+
+    /// The slots of the particles in islands that it advances.
+    pub fn island_slots(&self) -> impl Iterator<Item = usize> {
+        let islands = self.islands.iter().map(|island| &island.elimination);
+        islands.flat_map(|elimination| &elimination.slots[..elimination.free]).map(|slot| *slot as usize)
     }
 
     /// Advances what it has been [prepared](Self::prepare) for.
@@ -95,14 +121,27 @@ impl ImplicitEuler {
         particles: &mut Particles,
         field: Field,
         acceleration: &mut Vectors,
+        surroundings: Surroundings,
         substep: f32,
     ) {
         let h = f64::from(substep);
+        self.obstacles.gather(particles, surroundings, h);
+        self.touching.clear();
         for island in &mut self.islands {
             island.system.begin(&island.elimination, particles, elements, field, h);
-            island.newton.minimise(&mut island.system, &island.elimination);
+            island.exclude_pairs(particles, elements);
+            let filter = (&self.sprung[..], surroundings.memory);
+            island.solve(particles, &self.obstacles, filter, h);
             island.balance();
-            island.finish(particles, acceleration, h);
+            let Island { elimination, system, .. } = island;
+            let touching = &mut self.touching;
+            let resting_speed = f64::from(field.gravity.length()) * h;
+            let rebounds = system.contacts.begin_rebound(resting_speed);
+            system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
+            if rebounds {
+                island.newton.solve_once(system, elimination);
+            }
+            island.finish(particles, acceleration, h, rebounds);
         }
         for slot in self.others.iter().map(|slot| *slot as usize) {
             if particles.is_pinned(slot) {
@@ -117,12 +156,61 @@ impl ImplicitEuler {
 }
 
 impl Island {
+    /// Lists the springs to pinned particles.
+    fn find_anchors(&mut self) {
+        let Self { elimination, anchors, .. } = self;
+        let ends = elimination.ends.iter().zip(&elimination.elements);
+        let anchored = ends.filter(|([_, other], _)| *other as usize >= elimination.free);
+        anchors
+            .extend(anchored.map(|(ends, element)| (ends[0], elimination.slots[ends[1] as usize], *element)));
+    }
+
+    /// Lists the pairs that do not collide, since they overlap at rest.
+    fn exclude_pairs(&mut self, particles: &Particles, elements: &Elements) {
+        let Self { elimination, anchors, excluded, .. } = self;
+        let radius = particles.radius();
+        excluded.clear();
+        excluded.extend(anchors.iter().filter_map(|&(node, pinned, element)| {
+            let reach = radius[elimination.slots[node as usize] as usize] + radius[pinned as usize];
+            overlap_at_rest(elements.coefficients(element).1, reach).then_some((node, pinned))
+        }));
+    }
+
+    /// Solves the equations of the step, which the system has begun.
+    fn solve(
+        &mut self,
+        particles: &Particles,
+        obstacles: &Obstacles,
+        (sprung, memory): (&[u32], &ContactMemory),
+        h: f64,
+    ) {
+        let Self { elimination, system, newton, excluded, .. } = self;
+        let filter = PairFilter { excluded, sprung, memory };
+        let mut reach = 0.0;
+        loop {
+            let System { start, flight, inertia, contacts, .. } = &mut *system;
+            let motion = Motion { elimination, particles, start, flight, inertia, h };
+            contacts.begin(&motion, obstacles, &filter, reach);
+            newton.minimise(system, elimination);
+            for _ in 0..system.contacts.friction_passes() {
+                system.contacts.update_friction();
+                newton.minimise(system, elimination);
+            }
+            let System { start, position, contacts, .. } = &*system;
+            match contacts.missing_reach(elimination.free, start, position) {
+                Some(missing) if reach == 0.0 && !obstacles.is_empty() => reach = 2.0 * missing,
+                _ => break,
+            }
+        }
+    }
+
     /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
     /// Σ (m/h² + ν/h) (x' − y) = 0, as elements add none. It would be so by itself, had the equations of the core
     /// been solved to the last bit.
     fn balance(&mut self) {
         let Self { elimination, system, .. } = self;
-        if elimination.trees == elimination.free || elimination.is_anchored() {
+        let is_free = !elimination.is_anchored() && !system.contacts.hold();
+        if elimination.trees == elimination.free || !is_free {
             return;
         }
         let (mut drift, mut inertia) = (DVec3::ZERO, 0.0);
@@ -135,12 +223,14 @@ impl Island {
         }
     }
 
-    /// Writes positions, velocities and accelerations back.
-    fn finish(&self, particles: &mut Particles, acceleration: &mut Vectors, h: f64) {
+    /// Writes positions, velocities and accelerations back; what `rebounds` gets the last step for a change of its
+    /// velocity.
+    fn finish(&self, particles: &mut Particles, acceleration: &mut Vectors, h: f64, rebounds: bool) {
         let free = self.elimination.slots[..self.elimination.free].iter();
-        for (slot, &position) in free.zip(&self.system.position) {
+        for ((slot, &position), step) in free.zip(&self.system.position).zip(&self.system.step) {
             let slot = *slot as usize;
-            let velocity = (position - particles.position.get(slot).as_dvec3()) / h;
+            let rebound = if rebounds { *step } else { DVec3::ZERO };
+            let velocity = (position - particles.position.get(slot).as_dvec3() + rebound) / h;
             write(particles, acceleration, slot, [position, velocity], h);
         }
     }

@@ -99,12 +99,21 @@ impl Newton {
             }
             self.conjugate_gradient.solve(system, elimination);
             self.take_step(system, elimination, share);
-            if share == 1.0 && self.progress.is_enough() {
+            if share == 1.0 && self.progress.is_enough() && !system.contacts.changed {
                 return;
             }
         }
         if ascents > 0 {
             system.position.clone_from(&self.best);
+        }
+    }
+
+    /// Solves the system once, as it is linearised at the present positions, for the `step` of each node.
+    pub fn solve_once(&mut self, system: &mut System, elimination: &Elimination) {
+        system.linearise(elimination);
+        self.conjugate_gradient.solve(system, elimination);
+        for node in (0..elimination.trees).rev() {
+            system.substitute(elimination, node);
         }
     }
 
@@ -120,10 +129,10 @@ impl Newton {
     fn measure_flight(&mut self, system: &System, elimination: &Elimination) {
         let mut progress = Progress { has_core: elimination.trees < elimination.free, ..Progress::default() };
         for node in 0..elimination.free {
-            let flown = system.flight[node].distance_squared(system.step[node]);
+            let flown = system.flight[node].distance_squared(system.start[node]);
             progress.flight += flown;
             progress.flight_energy += system.inertia[node] * flown;
-            progress.rounding += ROUNDING * ROUNDING * system.step[node].length_squared();
+            progress.rounding += ROUNDING * ROUNDING * system.start[node].length_squared();
         }
         self.progress = progress;
     }

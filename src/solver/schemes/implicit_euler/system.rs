@@ -6,6 +6,7 @@
 use bevy::math::DVec3;
 
 use super::block::Symmetric;
+use super::contacts::Contacts;
 use crate::solver::elements::{Elements, MAX_ENDS, Potential};
 use crate::solver::graph::{Elimination, Linked};
 use crate::solver::particles::Particles;
@@ -107,7 +108,9 @@ pub(super) struct System {
     pub right: Vec<DVec3>,
     /// The diagonal blocks without inertia, N/m.
     pub diagonal: Vec<Symmetric>,
-    /// The correction of the positions, m; before the first, the positions at the start.
+    /// The positions at the start, m.
+    pub start: Vec<DVec3>,
+    /// The correction of the positions, m.
     pub step: Vec<DVec3>,
     eliminated: Vec<Eliminated>,
     pub sums: Sums,
@@ -117,6 +120,8 @@ pub(super) struct System {
     pub links: Vec<Link>,
     /// The elements of more ends.
     pub compounds: Vec<Compound>,
+    /// With what nothing in the step can move.
+    pub contacts: Contacts,
 }
 
 /// The stiffness of an element of more than two ends, all of its free ones in the core.
@@ -166,7 +171,7 @@ impl System {
             let slot = slot as usize;
             let start = particles.position.get(slot).as_dvec3();
             let velocity = particles.velocity.get(slot).as_dvec3();
-            self.step[node] = start;
+            self.start[node] = start;
             self.position[node] = start + h * velocity;
             if node < elimination.free {
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
@@ -176,13 +181,13 @@ impl System {
         }
         self.elements.clear();
         for (&element, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
-            let start = self.step[first as usize] - self.step[second as usize];
+            let start = self.start[first as usize] - self.start[second as usize];
             self.elements.push(Linearised::new(elements.potential(element, start, h), start));
         }
         self.compounds.clear();
         for &nodes in &elimination.compounds {
             let weights = elements.weights(nodes.element);
-            let start = combine(&nodes, weights, &self.step);
+            let start = combine(&nodes, weights, &self.start);
             self.elements.push(Linearised::new(elements.potential(nodes.element, start, h), start));
             self.compounds.push(Compound { nodes, weights, block: Symmetric::default() });
         }
@@ -191,7 +196,9 @@ impl System {
     /// Allocates the nodes of `elimination`.
     pub fn resize(&mut self, elimination: &Elimination) {
         let count = elimination.slots.len() + 1;
-        for vectors in [&mut self.flight, &mut self.position, &mut self.right, &mut self.step] {
+        for vectors in
+            [&mut self.flight, &mut self.position, &mut self.start, &mut self.right, &mut self.step]
+        {
             vectors.resize(count, DVec3::ZERO);
         }
         self.inertia.resize(count, 0.0);
@@ -210,7 +217,9 @@ impl System {
         self.sums = Sums::default();
         self.step[elimination.free..].fill(DVec3::ZERO);
         let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
-        core + self.eliminate_trees(elimination)
+        let Self { contacts, position, start, right, diagonal, .. } = self;
+        let touched = contacts.linearise(position, start, right, diagonal);
+        core + touched + self.eliminate_trees(elimination)
     }
 
     fn linearise_core(&mut self, elimination: &Elimination) -> f64 {
