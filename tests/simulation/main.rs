@@ -29,3 +29,4 @@ mod rollback;
 mod schemes;
 mod snapshots;
 mod stage;
+mod stiff_contacts;

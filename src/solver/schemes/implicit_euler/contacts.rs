@@ -3,9 +3,10 @@
 //! A particle that would enter an obstacle meets an energy ½ K (a − g)², where g < a is its gap at the end of the
 //! step, and a <= 0 an overlap that it has had from the start: the active set of a quadratic penalty, which
 //! Newton's method finds like every other minimum (a semi-smooth Newton method: Hintermüller, Ito and Kunisch,
-//! *SIAM J. Optim.* 13, 865, 2002). K is so large that the whole island, stopped in one step, enters the obstacle by
-//! at most [`SOFTNESS`] of its way: the system is solved in f64, directly for trees, so nothing forbids that. The
-//! other particles of the island know of the contact within the same step, so that no spring is compressed by it.
+//! *SIAM J. Optim.* 13, 865, 2002). K begins at [`STIFFENING`] times the inertia of the particle, and grows until
+//! nothing enters an obstacle by more than [`SOFTNESS`] of the longest way of the step: a continuation, as the active
+//! set is found in fewer steps from a softer one. The other particles of the island know of the contact within the
+//! same step, so that no spring is compressed by it.
 //! A barrier (Li et al., *Incremental potential contact*, 2020) would have to be resolved by many more Newton
 //! steps, and would push from a distance.
 //!
@@ -21,12 +22,20 @@ use std::ops::Range;
 use bevy::math::DVec3;
 
 use super::block::Symmetric;
+use super::newton::MAX_STEPS;
 use crate::solver::collision::{ContactMemory, ContactRecord, Obstacle, Obstacles};
 use crate::solver::graph::Elimination;
 use crate::solver::particles::Particles;
 
-/// What is left of a way into an obstacle, as a part of it.
-const SOFTNESS: f64 = 1e-4;
+/// What may be left of a way into an obstacle, as a part of the longest way of the step.
+const SOFTNESS: f64 = 1e-3;
+
+/// K at first, as a multiple of the inertia m/h² + ν/h of the particle; and by what it grows.
+const STIFFENING: f64 = 1e3;
+const GROWTH: f64 = 30.0;
+
+/// Number of solutions of a step in search of its contacts, at most.
+const MAX_PASSES: usize = 4;
 
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
 const RECOVERY_SPEED: f64 = 0.1;
@@ -36,6 +45,9 @@ const CREEP: f64 = 1e-5;
 
 /// Number of solutions with friction: each with the normal forces of the one before.
 const FRICTION_PASSES: usize = 2;
+
+/// Maximal number of Newton steps of a solution that another one follows.
+const STEPS_OF_A_PASS: usize = 5;
 
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
@@ -48,6 +60,8 @@ struct Contact {
     obstacle: Obstacle,
     /// m.
     radius: f64,
+    /// N/m.
+    inertia: f64,
     /// The gap at which it begins to be held, m, <= 0.
     allowed: f64,
     /// How far the surface moves in the step at the contact, m.
@@ -69,8 +83,12 @@ struct Contact {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Contacts {
     contacts: Vec<Contact>,
-    /// K, N/m.
+    /// K as a multiple of the inertia of the particle.
     stiffness: f64,
+    /// How deep a particle may enter an obstacle, m.
+    max_depth: f64,
+    /// Number of solutions so far.
+    passes: usize,
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
@@ -132,9 +150,11 @@ impl Contacts {
             return;
         }
         let free = 0..elimination.free;
-        self.stiffness = inertia[free.clone()].iter().sum::<f64>() / SOFTNESS;
+        let longest = longest_way(free.clone(), start, flight);
+        (self.stiffness, self.passes) = (STIFFENING, 0);
+        self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
-        self.reach = least_reach.max(REACH * longest_way(free.clone(), start, flight));
+        self.reach = least_reach.max(REACH * longest);
         for node in free {
             let slot = elimination.slots[node];
             let radius = f64::from(particles.radius()[slot as usize]);
@@ -153,6 +173,7 @@ impl Contacts {
                     node,
                     obstacle: *obstacle,
                     radius,
+                    inertia: inertia[node],
                     allowed,
                     surface_way,
                     approach,
@@ -163,6 +184,11 @@ impl Contacts {
                 });
             });
         }
+    }
+
+    /// Whether there may be any contact.
+    pub fn any(&self) -> bool {
+        !self.contacts.is_empty()
     }
 
     /// Whether any contact held in the last linearisation.
@@ -176,17 +202,43 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// Number of times that the step is to be solved, after the first.
-    pub fn friction_passes(&self) -> usize {
-        let rubs = |contact: &Contact| contact.force > 0.0 && contact.obstacle.friction > 0.0;
-        if self.contacts.iter().any(rubs) { FRICTION_PASSES } else { 0 }
+    /// Number of Newton steps of the next solution, at most.
+    pub fn max_steps(&self) -> usize {
+        let is_last = !self.any() || self.passes + 1 == MAX_PASSES;
+        if is_last { MAX_STEPS } else { STEPS_OF_A_PASS }
     }
 
-    /// Takes the normal forces of the last solution for those that friction goes by.
-    pub fn update_friction(&mut self) {
+    /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with
+    /// the friction that follows from this one.
+    pub fn refine(&mut self) -> bool {
+        self.passes += 1;
+        let mut rubs = false;
+        let mut deepest = 0.0_f64;
+        for contact in self.contacts.iter_mut().filter(|contact| contact.force > 0.0) {
+            rubs |= contact.obstacle.friction > 0.0;
+            deepest = deepest.max(contact.force / (self.stiffness * contact.inertia));
+        }
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
         }
+        let is_deep = deepest > self.max_depth;
+        if is_deep {
+            self.stiffness *= GROWTH;
+        }
+        self.passes < MAX_PASSES && (is_deep || (rubs && self.passes <= FRICTION_PASSES))
+    }
+
+    /// The energy at these positions, J.
+    pub fn energy(&self, position: &[DVec3], start: &[DVec3]) -> f64 {
+        let energy = |contact: &Contact| {
+            let (gap, normal) = contact.obstacle.gap(position[contact.node], contact.radius);
+            let depth = (contact.allowed - gap).max(0.0);
+            let slip = position[contact.node] - start[contact.node] - contact.surface_way;
+            let limit = contact.obstacle.friction * contact.lagged;
+            let friction = rub(slip - normal * slip.dot(normal), normal, limit, self.creep);
+            0.5 * self.stiffness * contact.inertia * depth * depth + friction.energy
+        };
+        self.contacts.iter().map(energy).sum()
     }
 
     /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J.
@@ -203,19 +255,20 @@ impl Contacts {
         for contact in contacts {
             let node = contact.node;
             if *mode == Mode::Rebound {
-                contact.rebound(*stiffness, &mut right[node], &mut diagonal[node]);
+                contact.rebound(*stiffness * contact.inertia, &mut right[node], &mut diagonal[node]);
                 continue;
             }
             let (gap, normal) = contact.obstacle.gap(position[node], contact.radius);
             let depth = contact.allowed - gap;
             let was_held = contact.force > 0.0;
             contact.normal = normal;
-            contact.force = *stiffness * depth.max(0.0);
+            let stiffness = *stiffness * contact.inertia;
+            contact.force = stiffness * depth.max(0.0);
             *changed |= was_held != (contact.force > 0.0);
             if depth > 0.0 {
                 energy += 0.5 * contact.force * depth;
                 right[node] += normal * contact.force;
-                diagonal[node] += Symmetric::uniaxial(normal, *stiffness, 0.0);
+                diagonal[node] += Symmetric::uniaxial(normal, stiffness, 0.0);
             }
             let limit = contact.obstacle.friction * contact.lagged;
             if limit > 0.0 {
@@ -296,19 +349,11 @@ struct Friction {
 /// Friction against a slip of at most `limit` N: its potential is limit · ‖slip‖, but quadratic below `creep` m.
 fn rub(slip: DVec3, normal: DVec3, limit: f64, creep: f64) -> Friction {
     let length = slip.length();
-    if length < creep {
-        let weight = limit / creep;
-        return Friction {
-            energy: 0.5 * weight * length * length,
-            force: slip * -weight,
-            stiffness: Symmetric::uniaxial(normal, 0.0, weight),
-        };
-    }
-    let weight = limit / length;
-    Friction {
-        energy: limit * (length - 0.5 * creep),
-        force: slip * -weight,
-        // Across the slip; along it, its force does not change.
-        stiffness: Symmetric::uniaxial(normal.cross(slip / length), weight, 0.0),
-    }
+    let weight = limit / length.max(creep);
+    let energy = match length < creep {
+        true => 0.5 * weight * length * length,
+        false => limit * (length - 0.5 * creep),
+    };
+    // The quadratic that touches the potential from above: a step never overshoots.
+    Friction { energy, force: slip * -weight, stiffness: Symmetric::uniaxial(normal, 0.0, weight) }
 }

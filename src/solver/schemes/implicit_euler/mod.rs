@@ -191,10 +191,12 @@ impl Island {
             let System { start, flight, inertia, contacts, .. } = &mut *system;
             let motion = Motion { elimination, particles, start, flight, inertia, h };
             contacts.begin(&motion, obstacles, &filter, reach);
-            newton.minimise(system, elimination);
-            for _ in 0..system.contacts.friction_passes() {
-                system.contacts.update_friction();
-                newton.minimise(system, elimination);
+            loop {
+                let max_steps = system.contacts.max_steps();
+                newton.minimise(system, elimination, max_steps);
+                if !system.contacts.refine() {
+                    break;
+                }
             }
             let System { start, position, contacts, .. } = &*system;
             match contacts.missing_reach(elimination.free, start, position) {

@@ -9,6 +9,9 @@ use crate::solver::graph::Elimination;
 /// The error that is left, as a part of the displacement in the time step.
 const TOLERANCE: f64 = 5e-4;
 
+/// The same where something is touched: what folds over an obstacle has many ways that cost nothing.
+const TOUCHING_TOLERANCE: f64 = 5e-3;
+
 /// The energy of this error, as a part of what the displacement costs against inertia.
 const ENERGY_TOLERANCE: f64 = 1e-4;
 
@@ -18,10 +21,13 @@ const ENERGY_TOLERANCE: f64 = 1e-4;
 const MAX_RATIO: f64 = 0.5;
 
 /// Maximal number of Newton steps.
-const MAX_STEPS: usize = 20;
+pub(super) const MAX_STEPS: usize = 20;
 
 /// Number of Newton steps that may raise the potential before the first of them is taken back.
 const MAX_ASCENTS: usize = 3;
+
+/// Number of times that a step which leads up is halved.
+const MAX_HALVINGS: usize = 30;
 
 /// Displacements below this part of a coordinate are rounding.
 const ROUNDING: f64 = 1e-13;
@@ -60,51 +66,68 @@ impl Progress {
     ///
     /// When each step is q times the one before, those to come add up to step · q / (1 − q). The part
     /// that is solved directly converges quadratically, so that q is soon small.
-    fn is_enough(&self) -> bool {
+    fn is_enough(&self, tolerance: f64) -> bool {
         let ratio = match self.last_step > 0.0 && !self.has_core {
             true => (self.step / self.last_step).sqrt().min(MAX_RATIO),
             false => MAX_RATIO,
         };
         let left = (ratio / (1.0 - ratio)).powi(2);
-        left * self.step <= TOLERANCE.powi(2) * (self.flight + self.pulled) + self.rounding
+        left * self.step <= tolerance.powi(2) * (self.flight + self.pulled) + self.rounding
             && left * self.step_energy <= ENERGY_TOLERANCE * (self.flight_energy + self.pulled_energy)
     }
 }
 
 impl Newton {
-    /// Moves the positions of `system` to the minimum of its potential.
+    /// Moves the positions of `system` towards the minimum of its potential, by at most `max_steps` steps.
     ///
     /// Full steps are best, though the first few may raise the potential: turning a stiff spring
     /// stretches it a little, until the next step. So up to [`MAX_ASCENTS`] steps may go up; then the
-    /// search goes back to the best point and takes less and less of the step from there. (The watchdog:
+    /// search goes back to the best point and takes a part of the step from there that goes down. (The watchdog:
     /// Chamberlain, Powell, Lemarechal and Pedersen, *Math. Programming Study* 16, 1, 1982.)
-    pub fn minimise(&mut self, system: &mut System, elimination: &Elimination) {
+    pub fn minimise(&mut self, system: &mut System, elimination: &Elimination, max_steps: usize) {
         self.measure_flight(system, elimination);
-        let (mut least, mut ascents, mut share) = (f64::INFINITY, 0, 1.0);
-        for _ in 0..MAX_STEPS {
+        let (mut least, mut ascents) = (f64::INFINITY, 0);
+        for _ in 0..max_steps {
             let potential = system.linearise(elimination);
             // The potential is a sum: it does not show what its rounding hides.
             if potential <= least + 1e-12 * least.abs() {
-                (least, ascents, share) = (potential, 0, 1.0);
+                (least, ascents) = (potential, 0);
+                self.best.clone_from(&system.position);
             } else {
-                if ascents == 0 {
-                    self.keep_best(system, share);
-                }
                 ascents += 1;
             }
             if ascents > MAX_ASCENTS {
-                share *= 0.5;
                 system.position.clone_from(&self.best);
                 system.linearise(elimination);
             }
             self.conjugate_gradient.solve(system, elimination);
-            self.take_step(system, elimination, share);
-            if share == 1.0 && self.progress.is_enough() && !system.contacts.changed {
+            self.find_step(system, elimination);
+            if ascents > MAX_ASCENTS {
+                self.descend(system, elimination, least);
+                continue;
+            }
+            self.take_step(system, elimination, 1.0);
+            let tolerance = if system.contacts.hold() { TOUCHING_TOLERANCE } else { TOLERANCE };
+            if self.progress.is_enough(tolerance) && !system.contacts.changed {
                 return;
             }
         }
-        if ascents > 0 {
+        // The last step has not been looked at yet.
+        if system.potential(elimination) > least {
             system.position.clone_from(&self.best);
+        }
+    }
+
+    /// Takes the first of the half, the quarter, … of the step that leads below the potential `least`.
+    fn descend(&mut self, system: &mut System, elimination: &Elimination, least: f64) {
+        let mut share = 0.5;
+        for _ in 0..MAX_HALVINGS {
+            self.take_step(system, elimination, share);
+            if system.potential(elimination) < least {
+                return;
+            }
+            system.position.clone_from(&self.best);
+            share *= 0.5;
         }
     }
 
@@ -112,17 +135,7 @@ impl Newton {
     pub fn solve_once(&mut self, system: &mut System, elimination: &Elimination) {
         system.linearise(elimination);
         self.conjugate_gradient.solve(system, elimination);
-        for node in (0..elimination.trees).rev() {
-            system.substitute(elimination, node);
-        }
-    }
-
-    /// Keeps the point before the last step, of which `share` was taken.
-    fn keep_best(&mut self, system: &System, share: f64) {
-        self.best.clear();
-        self.best.extend(
-            system.position.iter().zip(&system.step).map(|(position, step)| *position - *step * share),
-        );
+        self.find_step(system, elimination);
     }
 
     /// The displacements that Newton steps are compared with.
@@ -137,8 +150,8 @@ impl Newton {
         self.progress = progress;
     }
 
-    /// Takes `share` of the Newton step, that of the core being known.
-    fn take_step(&mut self, system: &mut System, elimination: &Elimination, share: f64) {
+    /// Finds the Newton step of the trees, that of the core being known.
+    fn find_step(&mut self, system: &mut System, elimination: &Elimination) {
         let progress = &mut self.progress;
         (progress.last_step, progress.step, progress.step_energy) =
             (progress.step, 0.0, system.sums.step_energy);
@@ -149,9 +162,15 @@ impl Newton {
             } else {
                 progress.step_energy += system.right[node].dot(system.step[node]);
             }
-            let step = system.step[node] * share;
-            system.position[node] += step;
-            progress.step += step.length_squared();
+            progress.step += system.step[node].length_squared();
+        }
+    }
+
+    /// Takes `share` of the Newton step.
+    fn take_step(&self, system: &mut System, elimination: &Elimination, share: f64) {
+        let free = ..elimination.free;
+        for (position, step) in system.position[free].iter_mut().zip(&system.step[free]) {
+            *position += *step * share;
         }
     }
 }

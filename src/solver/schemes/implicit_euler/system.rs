@@ -40,6 +40,12 @@ impl Linearised {
         Self { potential, direction: if length > 0.0 { start / length } else { DVec3::ZERO } }
     }
 
+    /// Its energy at the separation s, J.
+    fn energy(&self, separation: DVec3) -> f64 {
+        let elongation = separation.length() - self.potential.rest_length;
+        0.5 * self.potential.stiffness * elongation * elongation
+    }
+
     /// Linearises it at the separation s.
     ///
     /// The Hessian of its energy is k d dᵀ + (T/l) (I − d dᵀ) with the tension T and l = ‖s‖. A step that turns the
@@ -220,6 +226,22 @@ impl System {
         let Self { contacts, position, start, right, diagonal, .. } = self;
         let touched = contacts.linearise(position, start, right, diagonal);
         core + touched + self.eliminate_trees(elimination)
+    }
+
+    /// The value of the potential at the present positions, J.
+    pub fn potential(&self, elimination: &Elimination) -> f64 {
+        let free = 0..elimination.free;
+        let inertial = free
+            .map(|node| 0.5 * self.inertia[node] * self.position[node].distance_squared(self.flight[node]));
+        let pairs = self.elements.iter().zip(&elimination.ends).map(|(element, &[first, second])| {
+            element.energy(self.position[first as usize] - self.position[second as usize])
+        });
+        let compounds = self.compounds.iter().zip(&self.elements[elimination.elements.len()..]);
+        let compounds = compounds.map(|(compound, element)| {
+            element.energy(combine(&compound.nodes, compound.weights, &self.position))
+        });
+        inertial.chain(pairs).chain(compounds).sum::<f64>()
+            + self.contacts.energy(&self.position, &self.start)
     }
 
     fn linearise_core(&mut self, elimination: &Elimination) -> f64 {
