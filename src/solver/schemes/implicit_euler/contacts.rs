@@ -49,6 +49,9 @@ const FRICTION_PASSES: usize = 2;
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
 
+/// The sine of the angle between two normals that are taken for different ones.
+const MIN_ANGLE: f64 = 1e-6;
+
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
 const REACH: f64 = 4.0;
@@ -202,6 +205,25 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
+    /// The force of all contacts, N.
+    pub fn force(&self) -> DVec3 {
+        self.contacts.iter().map(|contact| contact.normal * contact.force + contact.friction).sum()
+    }
+
+    /// The part of a displacement that leads into no obstacle and away from none.
+    pub fn along_surfaces(&self, displacement: DVec3) -> DVec3 {
+        let mut basis = [DVec3::ZERO; 3];
+        let mut count = 0;
+        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
+            let outside = perpendicular(contact.normal, &basis);
+            if count < 3 && outside.length_squared() > MIN_ANGLE * MIN_ANGLE {
+                basis[count] = outside.normalize();
+                count += 1;
+            }
+        }
+        perpendicular(displacement, &basis)
+    }
+
     /// Number of Newton steps of the next solution, at most.
     pub fn max_steps(&self) -> usize {
         let is_last = !self.any() || self.passes + 1 == MAX_PASSES;
@@ -209,8 +231,8 @@ impl Contacts {
     }
 
     /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with
-    /// the friction that follows from this one.
-    pub fn refine(&mut self) -> bool {
+    /// the friction that follows from this one, or if it has not come close enough.
+    pub fn refine(&mut self, is_solved: bool) -> bool {
         self.passes += 1;
         let mut rubs = false;
         let mut deepest = 0.0_f64;
@@ -225,7 +247,8 @@ impl Contacts {
         if is_deep {
             self.stiffness *= GROWTH;
         }
-        self.passes < MAX_PASSES && (is_deep || (rubs && self.passes <= FRICTION_PASSES))
+        let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
+        is_due && self.any() && self.passes < MAX_PASSES
     }
 
     /// The energy at these positions, J.
@@ -319,6 +342,11 @@ impl Contacts {
             });
         }
     }
+}
+
+/// The part of a vector perpendicular to orthonormal ones, or zeros.
+fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
+    basis.iter().fold(vector, |rest, direction| rest - *direction * rest.dot(*direction))
 }
 
 /// The longest way of a node, m.

@@ -193,8 +193,8 @@ impl Island {
             contacts.begin(&motion, obstacles, &filter, reach);
             loop {
                 let max_steps = system.contacts.max_steps();
-                newton.minimise(system, elimination, max_steps);
-                if !system.contacts.refine() {
+                let is_solved = newton.minimise(system, elimination, max_steps);
+                if !system.contacts.refine(is_solved) {
                     break;
                 }
             }
@@ -211,17 +211,17 @@ impl Island {
     /// been solved to the last bit.
     fn balance(&mut self) {
         let Self { elimination, system, .. } = self;
-        let is_free = !elimination.is_anchored() && !system.contacts.hold();
-        if elimination.trees == elimination.free || !is_free {
+        if elimination.trees == elimination.free || elimination.is_anchored() {
             return;
         }
-        let (mut drift, mut inertia) = (DVec3::ZERO, 0.0);
+        let (mut drift, mut inertia) = (-system.contacts.force(), 0.0);
         for node in 0..elimination.free {
             drift += system.inertia[node] * (system.position[node] - system.flight[node]);
             inertia += system.inertia[node];
         }
+        let drift = system.contacts.along_surfaces(drift / inertia);
         for position in &mut system.position[..elimination.free] {
-            *position -= drift / inertia;
+            *position -= drift;
         }
     }
 

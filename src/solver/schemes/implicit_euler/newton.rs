@@ -78,13 +78,14 @@ impl Progress {
 }
 
 impl Newton {
-    /// Moves the positions of `system` towards the minimum of its potential, by at most `max_steps` steps.
+    /// Moves the positions of `system` towards the minimum of its potential, by at most `max_steps` steps;
+    /// whether it has come close enough.
     ///
     /// Full steps are best, though the first few may raise the potential: turning a stiff spring
     /// stretches it a little, until the next step. So up to [`MAX_ASCENTS`] steps may go up; then the
     /// search goes back to the best point and takes a part of the step from there that goes down. (The watchdog:
     /// Chamberlain, Powell, Lemarechal and Pedersen, *Math. Programming Study* 16, 1, 1982.)
-    pub fn minimise(&mut self, system: &mut System, elimination: &Elimination, max_steps: usize) {
+    pub fn minimise(&mut self, system: &mut System, elimination: &Elimination, max_steps: usize) -> bool {
         self.measure_flight(system, elimination);
         let (mut least, mut ascents) = (f64::INFINITY, 0);
         for _ in 0..max_steps {
@@ -109,13 +110,14 @@ impl Newton {
             self.take_step(system, elimination, 1.0);
             let tolerance = if system.contacts.hold() { TOUCHING_TOLERANCE } else { TOLERANCE };
             if self.progress.is_enough(tolerance) && !system.contacts.changed {
-                return;
+                return true;
             }
         }
         // The last step has not been looked at yet.
         if system.potential(elimination) > least {
             system.position.clone_from(&self.best);
         }
+        false
     }
 
     /// Takes the first of the half, the quarter, … of the step that leads below the potential `least`.
