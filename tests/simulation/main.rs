@@ -30,3 +30,4 @@ mod schemes;
 mod snapshots;
 mod stage;
 mod stiff_contacts;
+mod turning;

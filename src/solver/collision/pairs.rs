@@ -218,7 +218,8 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
         let [first, second] = contact.both(bodies);
         let reach = first.radius + second.radius;
         // The normal stays as it was found: a particle lifted past the centre of the next is still below it.
-        let depth = reach - (first.position - second.position).dot(contact.normal);
+        let distance = (first.position - second.position).dot(contact.normal);
+        let depth = reach - distance;
         let shared = contact.resting && first.holds + second.holds > 2;
         let (allowed, part) = if shared { (RESTING_OVERLAP * reach, RESTING_CORRECTION) } else { (0.0, 1.0) };
         if depth <= allowed {
@@ -240,6 +241,19 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
         let correction = correction * contact.reduced_mass;
         first.position += correction * first.inverse_mass;
         second.position -= correction * second.inverse_mass;
+        keep_angular_momentum(contact, distance, depth, [first, second]);
+    }
+}
+
+/// Slows the turning of two bodies about each other that have been moved from `distance` m apart to `depth` m more:
+/// m r × v stays what it was. Else two balls that springs press together while they turn would be spun up by
+/// their contact, which moves them outwards in each substep.
+#[inline(always)]
+fn keep_angular_momentum(contact: &PairContact, distance: f32, depth: f32, [first, second]: [&mut Body; 2]) {
+    if distance > 0.0 {
+        let turning = tangential(first.velocity - second.velocity, contact.normal);
+        let lost = turning * (contact.reduced_mass * depth / (distance + depth));
+        PairContact::apply(-lost, [first, second]);
     }
 }
 
