@@ -46,7 +46,7 @@ impl MassSpringDiagnosticsPlugin {
     pub const MAX_STRETCH: DiagnosticPath = DiagnosticPath::const_new("mass_spring/max_stretch");
     /// Substeps of the tick.
     pub const SUBSTEPS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/substeps");
-    /// Steps of implicit Euler for the stiff parts of the net, where `Auto` integrates them separately.
+    /// Steps of TR-BDF2 for the stiff parts of the net, where `Auto` integrates them separately.
     pub const STIFF_SUBSTEPS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/stiff_substeps");
     /// Springs in those parts.
     pub const STIFF_SPRINGS: DiagnosticPath = DiagnosticPath::const_new("mass_spring/stiff_springs");

@@ -16,11 +16,11 @@ pub struct TickReport {
     /// Ticks that have run since the app started or the initial state was restored.
     pub tick: u64,
     /// The scheme that ran; never [`Integrator::Auto`] once a tick has run. Where `Auto` took some parts of
-    /// the net by implicit Euler, that of the others.
+    /// the net by TR-BDF2, that of the others.
     pub integrator: Integrator,
     /// The number of substeps that ran.
     pub substeps: u32,
-    /// The number of steps of implicit Euler beside those substeps, for the stiff parts of the net; 0 where
+    /// The number of steps of TR-BDF2 beside those substeps, for the stiff parts of the net; 0 where
     /// one scheme advanced all.
     pub stiff_substeps: u32,
     /// The springs in those parts.
@@ -43,14 +43,13 @@ pub struct TickReport {
 }
 
 impl TickReport {
-    /// What ran, in words: `VelocityVerlet × 8`, or `VelocityVerlet × 8, ImplicitEuler × 2 on 120 springs`.
+    /// What ran, in words: `VelocityVerlet × 8`, or `VelocityVerlet × 8, TrBdf2 × 2 on 120 springs`.
     pub fn schemes(&self) -> String {
         let Self { integrator, substeps, stiff_substeps, stiff_springs, .. } = self;
         match stiff_substeps {
             0 => format!("{integrator} × {substeps}"),
             _ => {
-                let (implicit, plural) =
-                    (Integrator::ImplicitEuler, if *stiff_springs == 1 { "" } else { "s" });
+                let (implicit, plural) = (Integrator::TrBdf2, if *stiff_springs == 1 { "" } else { "s" });
                 format!(
                     "{integrator} × {substeps}, {implicit} × {stiff_substeps} on {stiff_springs} spring{plural}"
                 )

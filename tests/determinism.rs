@@ -272,12 +272,13 @@ fn the_number_of_threads_does_not_matter() {
 /// The hashes of scenes after 150 ticks: see `golden_hash`. Taken on x86_64, where the vectorised and the
 /// plain kernel give the same bits, and Linux, whose C library computes the sines that place the balls.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-const GOLDEN: [(&str, u64); 5] = [
+const GOLDEN: [(&str, u64); 6] = [
     ("springs", 0xff8b_6eec_9875_ee6b),
     ("contacts", 0x39c7_3fc1_54c4_e443),
     ("implicit Euler", 0xa14a_d6bc_7d6e_ef92),
+    ("TR-BDF2", 0x9229_2459_2912_1595),
     ("XPBD", 0xaef5_6717_aac2_f43c),
-    ("two schemes", 0x84ff_5e9a_f15f_0165),
+    ("two schemes", 0x56a9_e9c7_0e57_2422),
 ];
 
 /// Guards against unintended changes of results: springs, anchors, the ground, gather and scatter in all
@@ -311,6 +312,9 @@ fn golden_hash(name: &str) -> u64 {
     match name {
         "implicit Euler" => {
             app.insert_resource(common::scheme(Integrator::ImplicitEuler, 2));
+        }
+        "TR-BDF2" => {
+            app.insert_resource(common::scheme(Integrator::TrBdf2, 2));
         }
         "XPBD" => {
             app.insert_resource(common::scheme(Integrator::Xpbd, 8));

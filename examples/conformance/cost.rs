@@ -113,7 +113,7 @@ fn compare(lab: &mut Lab, section: &mut Section, scene: &Scene) -> Result<(), Bo
 fn runs(integrator: Integrator, net: &Net, truth: &[DVec3]) -> Vec<Run> {
     let choices: Vec<SubstepMode> = match integrator {
         Integrator::Auto => vec![SubstepMode::Auto],
-        Integrator::ImplicitEuler => doublings(16),
+        Integrator::ImplicitEuler | Integrator::TrBdf2 => doublings(16),
         _ => doublings(512),
     };
     let mut runs = Vec::new();

@@ -22,6 +22,7 @@ mod plot;
 mod reference;
 mod sheet;
 mod simulation;
+mod stiff_energy;
 mod strands;
 mod sweep;
 
@@ -50,9 +51,10 @@ impl Lab {
 
 type Experiment = fn(&mut Lab) -> Result<Section, Box<dyn Error>>;
 
-const EXPERIMENTS: [(&str, Experiment); 8] = [
+const EXPERIMENTS: [(&str, Experiment); 9] = [
     ("orders", orders::run),
     ("energy", energy_drift::run),
+    ("stiff-energy", stiff_energy::run),
     ("sweep", sweep::run),
     ("chain", chains::run),
     ("heavy-chain", heavy_chain::run),

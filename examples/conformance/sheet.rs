@@ -88,7 +88,7 @@ fn candidates(integrator: Integrator) -> Vec<SubstepMode> {
         return vec![SubstepMode::Auto];
     }
     let counts: &[u32] = match integrator {
-        Integrator::ImplicitEuler => &[1, 2, 4],
+        Integrator::ImplicitEuler | Integrator::TrBdf2 => &[1, 2, 4],
         Integrator::Xpbd => &[1, 4, 16],
         _ => &[64, 128, 256, 512],
     };

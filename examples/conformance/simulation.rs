@@ -44,7 +44,7 @@ impl Simulation {
     /// With one substep where every step is stable, else as many as the stability bound asks for.
     pub fn stable(net: &Net, integrator: Integrator, time_step: f64) -> Self {
         let substeps = match integrator {
-            Integrator::ImplicitEuler => SubstepMode::Fixed(1),
+            Integrator::ImplicitEuler | Integrator::TrBdf2 => SubstepMode::Fixed(1),
             _ => SubstepMode::Auto,
         };
         Self::new(net, integrator, substeps, time_step)
@@ -103,7 +103,7 @@ impl Simulation {
         match (self.settings.integrator, stiff_substeps) {
             (Integrator::Auto, 0) => format!("{integrator}, {substeps}"),
             (Integrator::Auto, _) => {
-                let implicit = Integrator::ImplicitEuler;
+                let implicit = Integrator::TrBdf2;
                 format!("{integrator}, {substeps}; {implicit}, {stiff_substeps}, on {stiff_springs} springs")
             }
             _ => substeps.to_string(),

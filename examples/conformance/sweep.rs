@@ -24,8 +24,8 @@ pub fn run(lab: &mut Lab) -> Result<Section, Box<dyn Error>> {
     let mut section = Section::titled("Every stiffness");
     section.paragraph(&format!(
         "A sheet of {SIDE}² particles of 10 g, 0.1 m apart, with structural and shear springs, nothing damped, \
-         is let go from horizontal with two corners pinned, and runs {SECONDS} s. `ImplicitEuler` gets one \
-         substep a tick, `Auto` what it chooses, the others {SUBSTEPS}. Given is by how \
+         is let go from horizontal with two corners pinned, and runs {SECONDS} s. `ImplicitEuler` and `TrBdf2` get \
+         one substep a tick, `Auto` what it chooses, the others {SUBSTEPS}. Given is by how \
          much the total energy exceeds that of the start at most, and in the end, in J per newton of weight; the \
          bar is +{MAX_ENERGY_GAIN} at most. Otherwise: when the first particle became infinite, or the sheet had gained its \
          own weight times 1 km. A run that takes more than {MAX_COMPUTING_TIME} s of computing is cut short, and it is said when."
@@ -71,7 +71,7 @@ fn fall(integrator: Integrator, stiffness: f64, time_step: f64) -> Outcome {
     let net = Net::sheet(SIDE, 0.01, stiffness, 0.0, false);
     let substeps = match integrator {
         Integrator::Auto => SubstepMode::Auto,
-        Integrator::ImplicitEuler => SubstepMode::Fixed(1),
+        Integrator::ImplicitEuler | Integrator::TrBdf2 => SubstepMode::Fixed(1),
         _ => SubstepMode::Fixed(SUBSTEPS),
     };
     let mut simulation = Simulation::new(&net, integrator, substeps, time_step);

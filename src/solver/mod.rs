@@ -41,6 +41,7 @@ mod kernel;
 mod outputs;
 pub(crate) mod parallel;
 pub(crate) mod particles;
+pub(crate) mod pulls;
 mod schemes;
 mod settings;
 mod stability;

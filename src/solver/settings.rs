@@ -18,10 +18,12 @@ pub enum Integrator {
     /// island (the particles that springs connect), from the springs and masses:
     /// [`VelocityVerlet`](Self::VelocityVerlet) with as many substeps as its stability bound asks for;
     /// [`SemiImplicitEuler`](Self::SemiImplicitEuler) where damped springs ask it for fewer;
-    /// or, where those would be hundreds, [`ImplicitEuler`](Self::ImplicitEuler). So a stiff rope takes nothing
+    /// or [`TrBdf2`](Self::TrBdf2), where those would cost more than it does, or springs are so stiff for their masses
+    /// (above 13,000 rad/s) that rounding would heat them. So a stiff rope takes nothing
     /// from the motion of a soft cloth beside it. Pinned particles connect nothing; particles without
-    /// springs go with the explicit islands. Where nothing has springs, it is
-    /// [`SemiImplicitEuler`](Self::SemiImplicitEuler).
+    /// springs go with the explicit islands unless the medium stops them at once. Where nothing has springs, it is
+    /// [`SemiImplicitEuler`](Self::SemiImplicitEuler) in vacuum, and [`TrBdf2`](Self::TrBdf2) in a medium, in which it
+    /// is exact, and with dampers.
     #[default]
     Auto,
     /// Explicit (forward) Euler: x' = x + h v, v' = v + h a(x, v). First order; gains energy, and explodes if
@@ -40,6 +42,11 @@ pub enum Integrator {
     /// Backward Euler: v' = v + h a(x', v'), x' = x + h v', solved by Newton's method. First order; stable for
     /// every stiffness, mass ratio and time step, and dissipates what it does not resolve.
     ImplicitEuler,
+    /// TR-BDF2: a step of the trapezoidal rule and one of the second backward difference formula, each solved for as
+    /// in [`ImplicitEuler`](Self::ImplicitEuler). Second order; stable for every stiffness, mass ratio and time
+    /// step. Slow motions of stiff nets keep their energy, what it does not resolve is dissipated. While particles
+    /// of an island touch something, the island takes a step of backward Euler instead.
+    TrBdf2,
     /// Extended position-based dynamics: each substep is one iteration over the springs. First order; stable for
     /// every stiffness, mass ratio and time step, but long stiff nets stretch unless substeps are many.
     Xpbd,
@@ -50,7 +57,7 @@ use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
 impl Integrator {
     /// Every integrator, in the order of their declaration.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Auto,
         Self::ExplicitEuler,
         Self::SemiImplicitEuler,
@@ -58,8 +65,14 @@ impl Integrator {
         Self::VelocityVerlet,
         Self::RungeKutta4,
         Self::ImplicitEuler,
+        Self::TrBdf2,
         Self::Xpbd,
     ];
+
+    /// Whether its steps are solved for, for each island by itself.
+    pub(super) fn is_implicit(self) -> bool {
+        matches!(self, Self::ImplicitEuler | Self::TrBdf2)
+    }
 
     /// Every integrator but [`Auto`](Self::Auto).
     pub fn named() -> impl Iterator<Item = Self> {
@@ -76,7 +89,11 @@ impl Integrator {
         match self {
             Self::SemiImplicitEuler | Self::ImplicitEuler | Self::Xpbd => 0.5,
             Self::ExplicitEuler => -0.5,
-            Self::Auto | Self::SecondOrderTaylor | Self::VelocityVerlet | Self::RungeKutta4 => 0.0,
+            Self::Auto
+            | Self::SecondOrderTaylor
+            | Self::VelocityVerlet
+            | Self::RungeKutta4
+            | Self::TrBdf2 => 0.0,
         }
     }
 
@@ -120,7 +137,8 @@ impl std::str::FromStr for Integrator {
 #[non_exhaustive]
 pub enum SubstepMode {
     /// As many as the stability bound of the integrator asks for, and at least 4; of
-    /// [`Integrator::ImplicitEuler`] 4, or 2 where springs form loops; of [`Integrator::Xpbd`] 20.
+    /// [`Integrator::TrBdf2`] 2; of [`Integrator::ImplicitEuler`] 4, or 2 where springs form loops; of
+    /// [`Integrator::Xpbd`] 20.
     #[default]
     Auto,
     /// Exactly this many, >= 1; 0 counts as 1. (With [`Integrator::Auto`]: at least this many.)

@@ -11,6 +11,7 @@ use bevy::math::Vec3;
 use crate::solver::collision::ContactMemory;
 use crate::solver::elements::{Elements, Spring};
 use crate::solver::particles::Particles;
+use crate::solver::pulls::Pulls;
 
 /// Marks contents: what has the same version is the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -44,13 +45,15 @@ mod serialization {
     }
 }
 
-/// The state of a simulation between two ticks: particles, elements, and what contacts remember.
+/// The state of a simulation between two ticks: particles, elements, what contacts remember, and the pulls at the
+/// end of the last step of TR-BDF2.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct State {
     pub(crate) particles: Particles,
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
+    pub(super) pulls: Pulls,
 }
 
 impl State {
@@ -66,9 +69,21 @@ impl State {
         self.contacts.renumber(new_slots, self.particles.len());
     }
 
-    /// Resets what is remembered of contacts, as if the simulation had just started.
+    /// Takes the pulls out, before [`clear`](Self::clear) and what follows it would mix them up.
+    pub(crate) fn take_pulls(&mut self) -> Pulls {
+        std::mem::take(&mut self.pulls)
+    }
+
+    /// Puts the pulls back, for particles that are in other slots: `new_slots[old]`.
+    pub(crate) fn put_back_pulls(&mut self, mut pulls: Pulls, new_slots: &[Option<u32>]) {
+        pulls.renumber(new_slots, self.particles.len());
+        self.pulls = pulls;
+    }
+
+    /// Resets what is remembered of contacts and pulls, as if the simulation had just started.
     pub(crate) fn forget_contacts(&mut self) {
         self.contacts.forget();
+        self.pulls.clear();
     }
 
     /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg (0: pinned), radius in m.
@@ -80,6 +95,7 @@ impl State {
     /// Empties the slot of a particle. Its springs are to be removed, too.
     pub(crate) fn remove_particle(&mut self, slot: usize) {
         self.particles.vacate(slot);
+        self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
         self.contacts.request_search();
     }
@@ -88,6 +104,7 @@ impl State {
     pub(crate) fn set_particle(&mut self, slot: usize, inverse_mass: f32, radius: f32) {
         if self.particles.inverse_mass()[slot] != inverse_mass {
             self.particles.set_inverse_mass(slot, inverse_mass);
+            self.pulls.forget(slot);
             self.contacts.request_search();
         }
         if self.particles.radius()[slot] != radius {
@@ -99,17 +116,20 @@ impl State {
     /// Puts a particle somewhere else, without a motion from where it was.
     pub(crate) fn teleport(&mut self, slot: usize, position: Vec3) {
         self.particles.position.set(slot, position);
+        self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
     }
 
     /// Appends a spring between the slots `ends`, which differ; its index.
     pub(crate) fn add_spring(&mut self, ends: [usize; 2], spring: Spring) -> usize {
         self.contacts.request_search();
+        ends.into_iter().for_each(|end| self.pulls.forget(end));
         self.elements.push(ends.map(|end| end as u32), spring)
     }
 
     /// Removes a spring; its place stays empty.
     pub(crate) fn remove_spring(&mut self, index: usize) {
+        self.forget_pulls(index);
         self.elements.remove::<Spring, 2>(index);
         self.contacts.request_search();
     }
@@ -117,9 +137,16 @@ impl State {
     /// Changes the parameters of a spring, if they are others.
     pub(crate) fn set_spring(&mut self, index: usize, spring: Spring) {
         if self.spring(index) != Some(&spring) {
+            self.forget_pulls(index);
             self.elements.set(index, spring);
             self.contacts.request_search();
         }
+    }
+
+    /// The pulls at the ends of a spring are others by now.
+    fn forget_pulls(&mut self, index: usize) {
+        let (ends, _) = self.spring_with_ends(index);
+        ends.into_iter().for_each(|end| self.pulls.forget(end));
     }
 
     /// The parameters of a spring; `None` beyond the last one. Those of an empty place are zero.
@@ -148,5 +175,7 @@ impl State {
         self.elements.renumber(new_slots);
         let new_slots: Vec<Option<u32>> = new_slots.iter().map(|slot| Some(*slot)).collect();
         self.renumber_contacts(&new_slots);
+        let pulls = self.take_pulls();
+        self.put_back_pulls(pulls, &new_slots);
     }
 }

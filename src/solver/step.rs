@@ -73,9 +73,13 @@ pub(crate) fn step(
         caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
         if caches.contacts.count() > 0 {
             caches.scratch.disturb();
+            if !state.pulls.is_empty() {
+                caches.contacts.for_each_touching(|slot| state.pulls.touch(slot));
+            }
         }
     }
     caches.contacts.end_tick(&mut state.contacts);
+    state.pulls.end_tick();
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
@@ -107,9 +111,14 @@ impl Caches {
 
     /// Derives what the schemes of a tick need.
     fn prepare(&mut self, state: &mut State, plan: Plan) {
-        let State { particles, elements, .. } = state;
+        let State { particles, elements, pulls, .. } = state;
         self.scratch.begin_tick(particles.len());
         let is_divided = plan.stiff_substeps > 0;
+        if is_divided || plan.integrator == Integrator::TrBdf2 {
+            pulls.begin_tick(particles.len());
+        } else {
+            pulls.clear();
+        }
         if plan.is_implicit() {
             self.planner.refresh_islands(elements, particles);
             let (islands, stiff) = self.planner.stiff_islands();
@@ -121,7 +130,7 @@ impl Caches {
         if is_divided {
             self.interleaved.begin_tick(&self.implicit_euler);
         }
-        if plan.integrator == Integrator::ImplicitEuler {
+        if plan.integrator.is_implicit() {
             elements.reset_edits();
             return;
         }
@@ -144,7 +153,7 @@ impl Caches {
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, contacts } = state;
+        let State { particles, elements, contacts, pulls } = state;
         let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         let position = (plan.stiff_substeps > 0).then(|| {
@@ -164,7 +173,7 @@ impl Caches {
         if let Some(position) = position {
             let acceleration = &mut scratch.acceleration;
             interleaved.before_substep(
-                implicit_euler,
+                (&mut *implicit_euler, &mut *pulls),
                 elements,
                 particles,
                 acceleration,
@@ -174,7 +183,7 @@ impl Caches {
             );
         }
         let net = Net { elements, blocks, colouring, field, pinned, surroundings };
-        schemes::advance(plan.integrator, net, particles, scratch, implicit_euler, substep);
+        schemes::advance(plan.integrator, net, particles, scratch, (implicit_euler, pulls), substep);
         if let Some(position) = position {
             interleaved.after_substep(particles, &mut scratch.acceleration, position);
         }

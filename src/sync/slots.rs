@@ -117,6 +117,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let old_positions = state.solver.particles.position.clone();
         state.particles.reset_slots();
         state.springs.reset_slots();
+        let pulls = state.solver.take_pulls();
         state.solver.clear();
         let order_of =
             |entry: &Entry| self.candidates.orders.get(entry.entity).map_or(u64::MAX, |order| order.0);
@@ -133,6 +134,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         });
         self.add_new_springs();
         self.state.solver.renumber_contacts(&new_slots);
+        self.state.solver.put_back_pulls(pulls, &new_slots);
         if let Some(order) = self.simulation.caches.better_order(&self.state.solver) {
             self.reorder(&order);
         }

@@ -181,6 +181,7 @@ largest stable substep
   VelocityVerlet        0.02000 s
   RungeKutta4           0.02615 s
   ImplicitEuler         any
+  TrBdf2                any
   Xpbd                  any
 Auto would choose       VelocityVerlet, 4 substeps a tick
 this scene would run    RungeKutta4, 3 substeps a tick
@@ -205,7 +206,7 @@ fn the_schemes_of_a_mixture_are_reported() {
     let output = place.command(&["check", "a.scene.ron"]).output().unwrap();
     assert_eq!(status(&output), 0, "{}", errors(&output));
     let text = String::from_utf8(output.stdout).unwrap();
-    let expected = "VelocityVerlet, 4 substeps a tick; ImplicitEuler, 4 substeps a tick on 1 spring\n";
+    let expected = "VelocityVerlet, 4 substeps a tick; TrBdf2, 2 substeps a tick on 1 spring\n";
     for line in ["Auto would choose       ", "this scene would run    "] {
         assert!(text.contains(&format!("{line}{expected}")), "{text}");
     }

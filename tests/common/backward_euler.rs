@@ -5,8 +5,9 @@ use bevy::math::DVec3;
 
 use super::reference::Reference;
 
-/// The positions after a step of `h` seconds: the x' for which v' = (x' − x)/h = v + h a(x', v').
-pub fn solve(start: &Reference, h: f64) -> Vec<DVec3> {
+/// The positions after a step of `h` seconds: the x' for which v' = (x' − x)/h = v + h a(x', v'). The dampers begin with
+/// these `lengths`.
+pub fn solve(start: &Reference, lengths: &[f64], h: f64) -> Vec<DVec3> {
     let mut x: Vec<DVec3> = start
         .position
         .iter()
@@ -15,14 +16,14 @@ pub fn solve(start: &Reference, h: f64) -> Vec<DVec3> {
         .collect();
     let free: Vec<usize> = (0..x.len()).filter(|slot| start.inverse_mass[*slot] > 0.0).collect();
     for _ in 0..60 {
-        let residual = residual(start, &x, h);
+        let residual = residual(start, lengths, &x, h);
         let mut rows: Vec<Vec<f64>> = Vec::new();
         for slot in &free {
             for axis in 0..3 {
                 let nudge = 1e-7;
                 let mut moved = x.clone();
                 moved[*slot][axis] += nudge;
-                let change = self::residual(start, &moved, h);
+                let change = self::residual(start, lengths, &moved, h);
                 rows.push(
                     free.iter()
                         .flat_map(|slot| ((change[*slot] - residual[*slot]) / nudge).to_array())
@@ -43,14 +44,14 @@ pub fn solve(start: &Reference, h: f64) -> Vec<DVec3> {
 }
 
 /// x' − x − h v − h² a(x', v'), m: zero where the equations hold.
-fn residual(start: &Reference, x: &[DVec3], h: f64) -> Vec<DVec3> {
+fn residual(start: &Reference, lengths: &[f64], x: &[DVec3], h: f64) -> Vec<DVec3> {
     let v: Vec<DVec3> = x.iter().zip(&start.position).map(|(new, old)| (*new - *old) / h).collect();
     // The dampers by their mean rate over the step; their own force is left out of the accelerations.
     let mut undamped = start.clone();
-    for spring in &mut undamped.springs {
+    for (spring, start) in undamped.springs.iter_mut().zip(lengths) {
         let [i, j] = spring.ends;
         let length = (x[i] - x[j]).length();
-        let rate = (length - (start.position[i] - start.position[j]).length()) / h;
+        let rate = (length - start) / h;
         // As a tension: k (l − l0) + c rate = k (l − (l0 − c rate / k)).
         spring.rest_length -= spring.damping * rate / spring.stiffness;
         spring.damping = 0.0;

@@ -28,7 +28,7 @@ pub struct Reference {
     pub springs: Vec<ReferenceSpring>,
     pub gravity: DVec3,
     pub viscosity: f64,
-    /// The acceleration of the next step of velocity Verlet: that of the end of the one before.
+    /// The acceleration of the next step of velocity Verlet or TR-BDF2: that of the end of the one before.
     pub carried_acceleration: Option<Vec<DVec3>>,
 }
 
@@ -121,8 +121,12 @@ impl Reference {
             }
             Integrator::Xpbd => self.project_positions(h),
             Integrator::ImplicitEuler => {
-                self.position = backward_euler::solve(self, h);
+                self.position = backward_euler::solve(self, &self.lengths(&x), h);
                 self.velocity = sum(&self.position, -1.0, &x).iter().map(|moved| *moved / h).collect();
+            }
+            Integrator::TrBdf2 => {
+                let a = self.carried_acceleration.take().unwrap_or(a);
+                self.trapezoid_and_difference(&a, h);
             }
             other => unimplemented!("{other} has no recurrence"),
         }
@@ -130,6 +134,54 @@ impl Reference {
 }
 
 impl Reference {
+    /// The length of each spring.
+    fn lengths(&self, x: &[DVec3]) -> Vec<f64> {
+        self.springs.iter().map(|spring| x[spring.ends[0]].distance(x[spring.ends[1]])).collect()
+    }
+
+    /// TR-BDF2 with γ = 2 − √2 (Hosea and Shampine 1996). The rates of the dampers' lengths follow from the lengths by
+    /// the formulas by which velocities follow from positions.
+    fn trapezoid_and_difference(&mut self, a: &[DVec3], h: f64) {
+        let gamma = 2.0 - 2.0_f64.sqrt();
+        let s = gamma * h / 2.0;
+        let (x, v) = (self.position.clone(), self.velocity.clone());
+        let rate = |spring: &ReferenceSpring| {
+            let [i, j] = spring.ends;
+            (v[i] - v[j]).dot((x[i] - x[j]).normalize())
+        };
+        let start_lengths = self.lengths(&x);
+        let lengths: Vec<f64> = start_lengths
+            .iter()
+            .zip(&self.springs)
+            .map(|(length, spring)| length + s * rate(spring))
+            .collect();
+        let velocity_after = |start: &[DVec3], end: &[DVec3]| -> Vec<DVec3> {
+            start.iter().zip(end).map(|(start, end)| (*end - *start) / s).collect()
+        };
+        self.position = sum(&x, s, &v);
+        self.velocity = sum(&v, s, a);
+        let middle = backward_euler::solve(self, &lengths, s);
+        let middle_velocity = velocity_after(&self.position, &middle);
+        let weight = (1.0 - gamma).powi(2) / (gamma * (2.0 - gamma));
+        let ahead = |middle: &[DVec3], start: &[DVec3]| -> Vec<DVec3> {
+            middle
+                .iter()
+                .zip(start)
+                .map(|(middle, start)| (1.0 + weight) * *middle - weight * *start)
+                .collect()
+        };
+        let lengths: Vec<f64> = (self.lengths(&middle).iter().zip(&start_lengths))
+            .map(|(middle, start)| (1.0 + weight) * middle - weight * start)
+            .collect();
+        self.position = ahead(&middle, &x);
+        self.velocity = ahead(&middle_velocity, &v);
+        let end = backward_euler::solve(self, &lengths, s);
+        let velocity = velocity_after(&self.position, &end);
+        self.carried_acceleration =
+            Some(velocity.iter().zip(&self.velocity).map(|(new, old)| (*new - *old) / s).collect());
+        (self.position, self.velocity) = (end, velocity);
+    }
+
     /// One substep of XPBD, one round over the springs in their order (Macklin et al. 2016, algorithm 1
     /// with equation 26). The drag of the medium is implicit.
     fn project_positions(&mut self, h: f64) {

@@ -27,6 +27,7 @@ mod reflection;
 mod resting;
 mod rollback;
 mod schemes;
+mod second_order;
 mod snapshots;
 mod stage;
 mod stiff_contacts;

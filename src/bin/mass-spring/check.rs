@@ -62,7 +62,7 @@ fn significant(number: f64) -> String {
     format!("{number:.*}", (4 - digits_before_point).max(0) as usize)
 }
 
-/// Schemes and substeps: `VelocityVerlet, 8 substeps a tick; ImplicitEuler, 2 substeps a tick on 120 springs`.
+/// Schemes and substeps: `VelocityVerlet, 8 substeps a tick; TrBdf2, 2 substeps a tick on 120 springs`.
 fn in_words(plan: Plan) -> String {
     let Plan { integrator, substeps, stiff_substeps, stiff_springs, .. } = plan;
     let words = |integrator: Integrator, substeps: u32| {
@@ -71,7 +71,7 @@ fn in_words(plan: Plan) -> String {
     };
     let mut text = words(integrator, substeps);
     if stiff_substeps > 0 {
-        let implicit = words(Integrator::ImplicitEuler, stiff_substeps);
+        let implicit = words(Integrator::TrBdf2, stiff_substeps);
         let plural = if stiff_springs == 1 { "" } else { "s" };
         text += &format!("; {implicit} on {stiff_springs} spring{plural}");
     }

@@ -119,6 +119,20 @@ impl ContactCaches {
         self.pair_count() + self.plane_contacts.len()
     }
 
+    /// Calls `visit` with the slots of the particles that touched something in the last substep, of some more than
+    /// once.
+    pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
+        self.plane_contacts.iter().for_each(|contact| visit(contact.slot));
+        let slot_of = &self.candidates.regions.slot_of;
+        for group in self.candidates.groups.iter() {
+            for contact in self.pair_contacts.of(group) {
+                for body in [contact.first(), contact.second()] {
+                    visit(slot_of[group.bodies.start + body] as usize);
+                }
+            }
+        }
+    }
+
     fn pair_count(&self) -> usize {
         self.candidates.groups.contacts()
     }

@@ -1,8 +1,7 @@
-//! Two schemes in one tick: implicit Euler for the stiff islands, an explicit scheme for all others.
+//! Two schemes in one tick: TR-BDF2 for the stiff islands, an explicit scheme for all others.
 //!
-//! Implicit Euler changes the velocity, v' = v + h a(x', v'), and then moves with it, x' = x + h v'. So a
-//! long step of it passes through the short substeps of the explicit scheme as a *kick* at its start and
-//! a *glide* at constant velocity:
+//! A long step of TR-BDF2 passes through the short substeps of the explicit scheme as a *kick* at its start, which
+//! gives the velocity of its end, and a *glide* along the straight line from x to x':
 //!
 //! ```text
 //! stiff   kick ──────────────► x'   kick ──────────────► x'
@@ -20,6 +19,7 @@ use super::ImplicitEuler;
 use crate::solver::collision::Surroundings;
 use crate::solver::elements::Elements;
 use crate::solver::particles::{Particles, Vectors};
+use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 
 /// The motion of the stiff particles within a tick: working memory.
@@ -65,7 +65,7 @@ impl Interleaved {
     /// long step begins, and sends those on that a contact has displaced or that have another velocity.
     pub fn before_substep(
         &mut self,
-        implicit_euler: &mut ImplicitEuler,
+        (implicit_euler, pulls): (&mut ImplicitEuler, &mut Pulls),
         elements: &Elements,
         particles: &mut Particles,
         acceleration: &mut Vectors,
@@ -83,7 +83,7 @@ impl Interleaved {
             glide.start = particles.position.get(glide.slot);
             glide.velocity = particles.velocity.get(glide.slot);
         }
-        implicit_euler.advance(elements, particles, field, acceleration, surroundings, left);
+        implicit_euler.advance(elements, particles, field, acceleration, surroundings, Some(pulls), left);
         for glide in &mut self.glides {
             let velocity = particles.velocity.get(glide.slot);
             glide.kick = velocity - glide.velocity;

@@ -17,6 +17,7 @@ use crate::solver::elements::Elements;
 use crate::solver::graph::{Blocks, Colouring};
 use crate::solver::kernel::{self, Motion};
 use crate::solver::particles::{Particles, PinnedMotions, Vectors};
+use crate::solver::pulls::Pulls;
 use crate::solver::settings::{Field, Integrator};
 pub(super) use implicit_euler::ImplicitEuler;
 pub(super) use interleaved::{Interleaved, Position};
@@ -90,7 +91,7 @@ pub(super) fn advance(
     net: Net,
     particles: &mut Particles,
     scratch: &mut Scratch,
-    implicit_euler: &mut ImplicitEuler,
+    (implicit_euler, pulls): (&mut ImplicitEuler, &mut Pulls),
     substep: f32,
 ) {
     let Net { elements, blocks, colouring, field, pinned, surroundings } = net;
@@ -109,6 +110,18 @@ pub(super) fn advance(
                 field,
                 stage.acceleration,
                 surroundings,
+                None,
+                substep,
+            );
+        }
+        Integrator::TrBdf2 => {
+            implicit_euler.advance(
+                elements,
+                stage.particles,
+                field,
+                stage.acceleration,
+                surroundings,
+                Some(pulls),
                 substep,
             );
         }

@@ -12,6 +12,7 @@ pub(super) fn spectral_radius(scheme: Integrator, omega: f64, gamma: f64, step: 
         Integrator::SecondOrderTaylor => (2.0 - a / 2.0 - g, 1.0 - g + a / 2.0),
         Integrator::VelocityVerlet => return cubic_radius([a + 1.5 * g - 2.0, 1.0 - 2.0 * g, g / 2.0]),
         Integrator::RungeKutta4 => return runge_kutta_4_radius(a, g),
+        Integrator::TrBdf2 => return tr_bdf2_radius(a, g),
         // One spring by itself is solved for exactly.
         Integrator::Auto | Integrator::ImplicitEuler | Integrator::Xpbd => {
             let denominator = 1.0 + g + a;
@@ -61,4 +62,20 @@ fn runge_kutta_4_radius(a: f64, g: f64) -> f64 {
         f64::hypot(value.0, value.1)
     };
     roots.into_iter().map(amplification).fold(0.0, f64::max)
+}
+
+/// Of the two stages, with z in units of the step.
+fn tr_bdf2_radius(a: f64, g: f64) -> f64 {
+    let (s, w) = (1.0 - 0.5_f64.sqrt(), (2.0_f64.sqrt() - 1.0) / 2.0);
+    // Backward Euler of s from (x, v): x' = x + s v', v' = v − s (a x' + g v').
+    let solve = |[x, v]: [f64; 2]| {
+        let v = (v - s * a * x) / (1.0 + s * g + s * s * a);
+        [x + s * v, v]
+    };
+    let columns = [[1.0, 0.0], [0.0, 1.0]].map(|[x, v]| {
+        let [xm, vm] = solve([x + s * v, v - s * (a * x + g * v)]);
+        solve([(1.0 + w) * xm - w * x, (1.0 + w) * vm - w * v])
+    });
+    let [[xx, vx], [xv, vv]] = columns;
+    quadratic_radius(xx + vv, xx * vv - xv * vx)
 }

@@ -1,7 +1,7 @@
 //! Which scheme advances each island in a tick, and in how many substeps.
 
-use super::FrequencyBounds;
 use super::tally::Tally;
+use super::{FrequencyBounds, SECOND_ORDER_SUBSTEPS, cost};
 use crate::solver::elements::Elements;
 use crate::solver::graph::{IslandSet, Islands, for_each_coupling};
 use crate::solver::particles::Particles;
@@ -17,7 +17,7 @@ pub struct Plan {
     pub integrator: Integrator,
     /// Its substeps.
     pub substeps: u32,
-    /// The steps that implicit Euler takes with the stiff islands beside it; 0 where one scheme advances all.
+    /// The steps that TR-BDF2 takes with the stiff islands beside it; 0 where one scheme advances all.
     pub stiff_substeps: u32,
     /// Number of springs of the stiff islands; 0 where one scheme advances all.
     pub stiff_springs: usize,
@@ -30,12 +30,12 @@ impl From<(Integrator, u32)> for Plan {
 }
 
 impl Plan {
-    /// Whether implicit Euler advances any island.
+    /// Whether an implicit scheme advances any island.
     pub(in crate::solver) fn is_implicit(&self) -> bool {
-        self.stiff_substeps > 0 || self.integrator == Integrator::ImplicitEuler
+        self.stiff_substeps > 0 || self.integrator.is_implicit()
     }
 
-    /// Whether a step of implicit Euler begins with the substep of this `index`.
+    /// Whether a step of it begins with the substep of this `index`.
     pub(in crate::solver) fn begins_implicit_step(&self, index: u32) -> bool {
         let steps = if self.stiff_substeps > 0 { self.stiff_substeps } else { self.substeps };
         self.is_implicit() && index.is_multiple_of(self.substeps / steps)
@@ -52,6 +52,21 @@ pub(in crate::solver) struct Planner {
     island_bounds: (Vec<FrequencyBounds>, FrequencyBounds),
     island_key: Option<Key>,
     stiff: IslandSet,
+    /// Working memory: what each island needs, and the islands sorted by it.
+    needs: Vec<Need>,
+    sorted: Vec<u32>,
+}
+
+/// What a tick of an island takes.
+#[derive(Debug, Clone, Copy)]
+struct Need {
+    /// Substeps of velocity Verlet.
+    substeps: u32,
+    /// Whether rounding would heat it.
+    is_too_fast: bool,
+    elements: usize,
+    /// The cost of the implicit scheme, see [`cost`].
+    implicit: f64,
 }
 
 /// What bounds depend on.
@@ -71,10 +86,14 @@ impl Planner {
         match (integrator, substeps) {
             (Integrator::Auto, _) => {
                 let bounds = *self.refresh_bounds(elements, particles, viscosity);
-                match bounds.may_divide(time_step, minimum) {
-                    true => self.plan_islands(elements, particles, viscosity, time_step, minimum),
-                    false => bounds.cheapest(time_step, minimum).into(),
+                if bounds.angular_frequency == 0.0 {
+                    return bounds.cheapest_without_springs(elements.len() > 0, minimum).into();
                 }
+                if !bounds.may_divide(time_step, minimum) {
+                    return bounds.cheapest_explicit(time_step, minimum).into();
+                }
+                self.refresh_island_bounds(elements, particles, viscosity);
+                self.plan_islands(time_step, minimum)
             }
             (named, SubstepMode::Fixed(_)) => (named, minimum).into(),
             (named, SubstepMode::Auto) => {
@@ -137,50 +156,49 @@ impl Planner {
     }
 
     /// What takes a tick of `time_step` seconds through well at the least cost, with `minimum` substeps at
-    /// least. Where all islands want the same, what is [cheapest](FrequencyBounds::cheapest) for the whole net
-    /// is chosen.
-    fn plan_islands(
-        &mut self,
-        elements: &Elements,
-        particles: &Particles,
-        viscosity: f32,
-        time_step: f32,
-        minimum: u32,
-    ) -> Plan {
-        self.refresh_island_bounds(elements, particles, viscosity);
+    /// least.
+    ///
+    /// The substeps of velocity Verlet are those of the fastest island that takes part. So the islands are sorted by
+    /// the substeps that they need, and those up to some number take part: of all numbers the one of the least cost.
+    fn plan_islands(&mut self, time_step: f32, minimum: u32) -> Plan {
+        let steps = SECOND_ORDER_SUBSTEPS.max(minimum);
         let (bounds, others) = &self.island_bounds;
-        let is_stiff = |bounds: &FrequencyBounds| bounds.is_stiff(time_step, minimum);
-        let (others_are_stiff, mut has_loops) = (is_stiff(others), false);
-        let (mut stiff, mut soft, mut stiff_springs) = (usize::from(others_are_stiff), 0, 0);
-        let mut explicit = minimum;
-        if !others_are_stiff {
-            explicit = explicit.max(others.verlet_substeps(time_step));
-        }
-        for (bounds, island) in bounds.iter().zip(self.islands.all()) {
-            if is_stiff(bounds) {
-                stiff += 1;
-                stiff_springs += island.elements;
-                has_loops |= bounds.has_loops;
-            } else {
-                soft += 1;
-                explicit = explicit.max(bounds.verlet_substeps(time_step));
+        let islands = || bounds.iter().zip(self.islands.all());
+        self.needs.clear();
+        self.needs.extend(islands().map(|(bounds, island)| Need {
+            substeps: bounds.verlet_substeps(time_step).max(minimum),
+            is_too_fast: bounds.is_too_fast(time_step, minimum),
+            elements: island.elements,
+            implicit: cost::implicit(steps, island.elements, bounds.has_loops),
+        }));
+        self.sorted.clear();
+        self.sorted.extend(0..self.needs.len() as u32);
+        let needs = &self.needs;
+        self.sorted.sort_unstable_by_key(|island| needs[*island as usize].substeps);
+        let mut implicit: f64 = needs.iter().map(|need| need.implicit).sum();
+        let (mut least, mut most_substeps, mut elements) = (implicit, None, 0);
+        for need in self.sorted.iter().map(|island| &needs[*island as usize]) {
+            if need.is_too_fast {
+                continue;
+            }
+            elements += need.elements;
+            implicit -= need.implicit;
+            // Rounding of the sums is nothing against the costs.
+            let total = implicit.max(0.0) + cost::explicit(need.substeps, elements);
+            if total <= least {
+                (least, most_substeps) = (total, Some(need.substeps));
             }
         }
-        let whole = &self.bounds;
-        if soft == 0 {
-            return whole.cheapest(time_step, minimum).into();
+        let Some(most_substeps) = most_substeps else { return (Integrator::TrBdf2, steps).into() };
+        let is_stiff = |need: &Need| need.is_too_fast || need.substeps > most_substeps;
+        let others_are_stiff = others.verlet_substeps(time_step) > most_substeps;
+        if !others_are_stiff && !needs.iter().any(is_stiff) {
+            return self.bounds.cheapest_explicit(time_step, minimum).into();
         }
-        if stiff == 0 {
-            let together = whole.cheapest(time_step, minimum);
-            let is_explicit = together.0 != Integrator::ImplicitEuler;
-            return if is_explicit { together } else { (Integrator::VelocityVerlet, explicit) }.into();
-        }
-        self.stiff.set(&self.islands, bounds.iter().map(is_stiff), others_are_stiff);
-        let implicit =
-            FrequencyBounds { has_loops, ..*whole }.auto_substeps(Integrator::ImplicitEuler, time_step);
-        let stiff_substeps = implicit.max(minimum);
-        let substeps = explicit.next_multiple_of(stiff_substeps);
-        Plan { integrator: Integrator::VelocityVerlet, substeps, stiff_substeps, stiff_springs }
+        let stiff_springs = needs.iter().filter(|need| is_stiff(need)).map(|need| need.elements).sum();
+        self.stiff.set(&self.islands, needs.iter().map(is_stiff), others_are_stiff);
+        let substeps = most_substeps.next_multiple_of(steps);
+        Plan { integrator: Integrator::VelocityVerlet, substeps, stiff_substeps: steps, stiff_springs }
     }
 }
 
@@ -225,16 +243,16 @@ pub(super) mod tests {
     fn a_pinned_particle_connects_nothing() {
         // 1 and 2 hang on 0, 1 by a soft spring; 3 is alone.
         let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0], &[(0, 1, SOFT), (0, 2, STIFF)], 0.0);
-        // 10 substeps, rounded up to a multiple of 4.
-        let (integrator, substeps) = (Integrator::VelocityVerlet, 12);
-        assert_eq!(plan, Plan { integrator, substeps, stiff_substeps: 4, stiff_springs: 1 });
+        // 10 substeps, a multiple of 2.
+        let (integrator, substeps) = (Integrator::VelocityVerlet, 10);
+        assert_eq!(plan, Plan { integrator, substeps, stiff_substeps: 2, stiff_springs: 1 });
         assert_eq!(stiff, [2]);
     }
 
     #[test]
     fn springs_that_join_free_particles_make_all_of_them_stiff() {
         let springs = [(0, 1, SOFT), (1, 2, 1.0), (2, 3, STIFF)];
-        assert_eq!(plan(&[0.0, 1.0, 1.0, 1.0], &springs, 0.0).0, (Integrator::ImplicitEuler, 4).into());
+        assert_eq!(plan(&[0.0, 1.0, 1.0, 1.0], &springs, 0.0).0, (Integrator::TrBdf2, 2).into());
         // A spring that exerts no force joins nothing.
         let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0], &[(0, 1, SOFT), (1, 2, 0.0), (2, 3, STIFF)], 0.0);
         assert_eq!((plan.integrator, stiff), (Integrator::VelocityVerlet, vec![2, 3]));
@@ -246,11 +264,11 @@ pub(super) mod tests {
         assert_eq!(soft, ((Integrator::VelocityVerlet, 10).into(), vec![]));
         // A particle without springs goes with those that have some.
         let stiff = plan(&[0.0, 1.0, 1.0, 1.0], &[(0, 1, STIFF), (0, 2, STIFF)], 0.0);
-        assert_eq!(stiff.0, (Integrator::ImplicitEuler, 4).into());
+        assert_eq!(stiff.0, (Integrator::TrBdf2, 2).into());
     }
 
     #[test]
-    fn a_stiff_sheet_takes_the_steps_of_sheets() {
+    fn a_stiff_sheet_is_an_island() {
         let springs = [(0, 1, SOFT), (2, 3, STIFF), (3, 4, STIFF), (4, 2, STIFF)];
         let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0, 1.0], &springs, 0.0);
         assert_eq!((plan.substeps, plan.stiff_substeps, plan.stiff_springs), (10, 2, 3));

@@ -121,7 +121,7 @@ pub(super) struct PairFilter<'a> {
 
 impl PairFilter<'_> {
     /// Whether the particle of a node, in a `slot`, and a pinned one may collide, which overlap at the start or not.
-    fn may_collide(&self, node: usize, slot: u32, pinned: u32, overlap: bool) -> bool {
+    pub fn may_collide(&self, node: usize, slot: u32, pinned: u32, overlap: bool) -> bool {
         let memory = self.memory;
         let is_new = || !(memory.has_searched(slot) && memory.has_searched(pinned));
         let tangled = || memory.are_entangled(slot, pinned) || (is_new() && self.sprung.contains(&pinned));
@@ -187,6 +187,17 @@ impl Contacts {
                 });
             });
         }
+    }
+
+    /// Looks for none: nothing is held.
+    pub fn clear(&mut self) {
+        self.contacts.clear();
+        (self.mode, self.changed) = (Mode::Step, false);
+    }
+
+    /// The nodes that were held in the last linearisation.
+    pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
+        self.contacts.iter().filter(|contact| contact.force > 0.0).map(|contact| contact.node)
     }
 
     /// Whether there may be any contact.

@@ -21,6 +21,7 @@ mod core;
 mod newton;
 mod preconditioner;
 mod system;
+mod tr_bdf2;
 
 use bevy::math::{DVec3, Vec3};
 
@@ -28,11 +29,13 @@ use crate::solver::collision::{ContactMemory, ContactRecord, Obstacles, Surround
 use crate::solver::elements::{Acting, Elements};
 use crate::solver::graph::{Elimination, IslandSet, Islands, overlap_at_rest};
 use crate::solver::particles::{Particles, Vectors};
+use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
 use contacts::{Motion, PairFilter};
-use newton::Newton;
+use newton::{MAX_STEPS, Newton};
 use system::System;
+use tr_bdf2::{Context, Stages};
 
 /// The islands that the scheme advances: the order of elimination, and working memory.
 #[derive(Debug, Clone, Default)]
@@ -57,6 +60,26 @@ struct Island {
     anchors: Vec<(u32, u32, u32)>,
     /// The nodes and pinned slots that do not collide.
     excluded: Vec<(u32, u32)>,
+    stages: Stages,
+}
+
+/// What the islands have in common in a step.
+#[derive(Clone, Copy)]
+struct Step<'a> {
+    elements: &'a Elements,
+    field: Field,
+    /// Its duration, s.
+    h: f64,
+    obstacles: &'a Obstacles,
+    /// The pinned slots that any element pulls at.
+    sprung: &'a [u32],
+    memory: &'a ContactMemory,
+}
+
+impl<'a> Step<'a> {
+    fn context(self, elimination: &'a Elimination) -> Context<'a> {
+        Context { elimination, elements: self.elements, field: self.field, h: self.h }
+    }
 }
 
 impl ImplicitEuler {
@@ -114,7 +137,8 @@ impl ImplicitEuler {
         islands.flat_map(|elimination| &elimination.slots[..elimination.free]).map(|slot| *slot as usize)
     }
 
-    /// Advances what it has been [prepared](Self::prepare) for.
+    /// Advances what it has been [prepared](Self::prepare) for; with `pulls` by TR-BDF2, where the present motion of an
+    /// island allows it.
     pub fn advance(
         &mut self,
         elements: &Elements,
@@ -122,35 +146,40 @@ impl ImplicitEuler {
         field: Field,
         acceleration: &mut Vectors,
         surroundings: Surroundings,
+        mut pulls: Option<&mut Pulls>,
         substep: f32,
     ) {
         let h = f64::from(substep);
         self.obstacles.gather(particles, surroundings, h);
-        self.touching.clear();
-        for island in &mut self.islands {
-            island.system.begin(&island.elimination, particles, elements, field, h);
+        let Self { islands, obstacles, sprung, touching, .. } = self;
+        touching.clear();
+        let step = Step { elements, field, h, obstacles, sprung, memory: surroundings.memory };
+        for island in islands {
             island.exclude_pairs(particles, elements);
-            let filter = (&self.sprung[..], surroundings.memory);
-            island.solve(particles, &self.obstacles, filter, h);
-            island.balance();
-            let Island { elimination, system, .. } = island;
-            let touching = &mut self.touching;
-            let resting_speed = f64::from(field.gravity.length()) * h;
-            let rebounds = system.contacts.begin_rebound(resting_speed);
-            system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
-            if rebounds {
-                island.newton.solve_once(system, elimination);
+            let is_second_order = match &pulls {
+                Some(pulls) => island.advance_tr_bdf2(step, particles, acceleration, pulls),
+                None => false,
+            };
+            if !is_second_order {
+                island.advance_backward_euler(step, particles, acceleration, touching);
             }
-            island.finish(particles, acceleration, h, rebounds);
+            if let Some(pulls) = &mut pulls {
+                island.keep_pulls(particles, pulls);
+            }
         }
         for slot in self.others.iter().map(|slot| *slot as usize) {
             if particles.is_pinned(slot) {
                 acceleration.set(slot, Vec3::ZERO);
                 continue;
             }
-            let velocity = particles.free_velocity(slot, field, h);
-            let position = particles.position.get(slot).as_dvec3() + h * velocity;
-            write(particles, acceleration, slot, [position, velocity], h);
+            let motion = match pulls {
+                Some(_) => particles.free_motion(slot, field, h),
+                None => {
+                    let velocity = particles.free_velocity(slot, field, h);
+                    [particles.position.get(slot).as_dvec3() + h * velocity, velocity]
+                }
+            };
+            write(particles, acceleration, slot, motion, h);
         }
     }
 }
@@ -203,6 +232,72 @@ impl Island {
                 Some(missing) if reach == 0.0 && !obstacles.is_empty() => reach = 2.0 * missing,
                 _ => break,
             }
+        }
+    }
+
+    /// Backward Euler; what holds the particles is a part of the step.
+    fn advance_backward_euler(
+        &mut self,
+        step: Step,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        touching: &mut Vec<ContactRecord>,
+    ) {
+        let Step { elements, field, h, obstacles, .. } = step;
+        self.system.begin(&self.elimination, particles, elements, field, h);
+        self.solve(particles, obstacles, (step.sprung, step.memory), h);
+        self.balance();
+        let Self { elimination, system, newton, .. } = self;
+        let resting_speed = f64::from(field.gravity.length()) * h;
+        let rebounds = system.contacts.begin_rebound(resting_speed);
+        system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
+        if rebounds {
+            newton.solve_once(system, elimination);
+        }
+        self.finish(particles, acceleration, h, rebounds);
+    }
+
+    /// TR-BDF2; false, and nothing done, where the step is one for backward Euler.
+    fn advance_tr_bdf2(
+        &mut self,
+        step: Step,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        pulls: &Pulls,
+    ) -> bool {
+        let context = step.context(&self.elimination);
+        if !self.stages.begin(context, particles, pulls) {
+            return false;
+        }
+        self.stages.begin_trapezoid(&mut self.system, context, particles);
+        self.newton.minimise(&mut self.system, &self.elimination, MAX_STEPS);
+        self.balance();
+        let context = step.context(&self.elimination);
+        self.stages.begin_difference(&mut self.system, context, particles);
+        self.newton.minimise(&mut self.system, &self.elimination, MAX_STEPS);
+        self.balance();
+        let Self { elimination, system, stages, excluded, .. } = self;
+        let context = step.context(elimination);
+        let filter = PairFilter { excluded, sprung: step.sprung, memory: step.memory };
+        if stages.enters_obstacle(system, context, particles, (step.obstacles, &filter))
+            || stages.gains_energy(system, context, particles)
+        {
+            return false;
+        }
+        stages.finish(system, context, particles, acceleration);
+        true
+    }
+
+    /// Keeps the accelerations by elements, (m/h² + ν/h) (x' − y) / m, as the solution has them, and what it touches.
+    fn keep_pulls(&self, particles: &Particles, pulls: &mut Pulls) {
+        let Self { elimination, system, .. } = self;
+        for (node, slot) in elimination.slots[..elimination.free].iter().enumerate() {
+            let slot = *slot as usize;
+            let force = system.inertia[node] * (system.position[node] - system.flight[node]);
+            pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
+        }
+        for node in system.contacts.held_nodes() {
+            pulls.touch(elimination.slots[node] as usize);
         }
     }
 

@@ -17,7 +17,7 @@ const NEGLIGIBLE: f64 = 1e-60;
 
 /// An element with its damper during one step.
 #[derive(Debug, Clone, Copy)]
-struct Linearised {
+pub(super) struct Linearised {
     potential: Potential,
     /// The direction where it was linearised last; zero where it had none.
     direction: DVec3,
@@ -35,7 +35,7 @@ struct Contribution {
 }
 
 impl Linearised {
-    fn new(potential: Potential, start: DVec3) -> Self {
+    pub fn new(potential: Potential, start: DVec3) -> Self {
         let length = start.length();
         Self { potential, direction: if length > 0.0 { start / length } else { DVec3::ZERO } }
     }
@@ -121,7 +121,7 @@ pub(super) struct System {
     eliminated: Vec<Eliminated>,
     pub sums: Sums,
     /// The elements of two ends, then the compounds.
-    elements: Vec<Linearised>,
+    pub elements: Vec<Linearised>,
     /// The links within the core.
     pub links: Vec<Link>,
     /// The elements of more ends.
@@ -340,6 +340,6 @@ impl System {
 }
 
 /// Σ cᵢ vᵢ over the ends of an element.
-fn combine(nodes: &Linked, weights: [f64; MAX_ENDS], vectors: &[DVec3]) -> DVec3 {
+pub(super) fn combine(nodes: &Linked, weights: [f64; MAX_ENDS], vectors: &[DVec3]) -> DVec3 {
     nodes.ends().iter().zip(weights).map(|(node, weight)| vectors[*node as usize] * weight).sum()
 }
