@@ -154,9 +154,7 @@ fn a_spring_that_joins_two_components_makes_them_one() {
 #[test]
 fn a_moving_anchor_carries_both() {
     let mut app = app();
-    let mut environment = app.world_mut().resource_mut::<Environment>();
-    // What swings comes to rest in the medium.
-    (environment.gravity_enabled, environment.viscosity) = (false, 0.05);
+    app.world_mut().resource_mut::<Environment>().gravity_enabled = false;
     let chain = spawn_chain(&mut app, Vec3::NEG_Y);
     let soft = spawn(&mut app, 1.0, 0.0, Vec3::Y);
     join(&mut app, Spring::new(chain[0], soft, 1.0).with_stiffness(SOFT).with_damping(5.0));
@@ -165,11 +163,13 @@ fn a_moving_anchor_carries_both() {
         run(&mut app, 1);
     }
     assert_eq!(ran(&app), mixture());
-    // After 10 s both are towed at 0.5 m/s behind the anchor, stretched by nothing.
+    // After 10 s both are near the anchor, which has gone 5 m. The damped one is towed, stretched by nothing; the other
+    // whirls about the anchor, as nothing damps it, and is not quite straight.
     let anchor = position(&app, chain[0]);
-    for (end, length) in [(chain[LINKS], LINKS as f32 * LINK), (soft, 1.0)] {
+    for (end, length, flex) in [(chain[LINKS], LINKS as f32 * LINK, 0.1), (soft, 1.0, 1e-2)] {
         let distance = position(&app, end).distance(anchor);
-        assert!((distance - length).abs() < 1e-2 * length, "{distance} m instead of {length} m");
+        assert!(distance < (1.0 + 1e-2) * length, "{distance} m instead of {length} m");
+        assert!(distance > (1.0 - flex) * length, "{distance} m instead of {length} m");
     }
 }
 
