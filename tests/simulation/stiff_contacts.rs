@@ -1,7 +1,9 @@
 //! Stiff nets that touch something: contacts are a part of the implicit step.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::solver::{
+    self, ContactPartner, Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode,
+};
 
 const GRAVITY: f32 = 9.81;
 const SPACING: f32 = 0.1;
@@ -168,6 +170,121 @@ fn cloth_above_ball(stiffness: f32) -> Solver {
     }
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.4).unwrap();
     state
+}
+
+/// Adds `added` to `state`, displaced, with a velocity.
+fn put(state: &mut Solver, added: &Solver, displacement: Vec3, velocity: Vec3) {
+    let first = state.particle_count();
+    for particle in 0..added.particle_count() {
+        let mass = 1.0 / added.inverse_mass(particle);
+        let position = added.position(particle) + displacement;
+        state.add_particle(position, velocity, mass, added.radius(particle)).unwrap();
+    }
+    for spring in 0..added.spring_count() {
+        let (ends, spring) = added.spring(spring);
+        state.add_spring(ends.map(|end| end + first), spring).unwrap();
+    }
+}
+
+fn colliding(restitution: f32, friction: f32, time_step: f32) -> StepSettings {
+    StepSettings { pair_rules: Some(PairRules { restitution, friction }), ..settings(time_step) }
+}
+
+fn momentum(state: &Solver) -> Vec3 {
+    let particles = 0..state.particle_count();
+    particles.map(|particle| state.velocity(particle) / state.inverse_mass(particle)).sum()
+}
+
+/// Two stiff cubes meet face to face: of equal mass, so that they stop at a restitution of 0 and exchange their
+/// velocities at 1.
+#[test]
+fn stiff_cubes_collide_as_bodies() {
+    for (restitution, stiffness) in [(0.0, 1e7), (1.0, 1e7), (0.0, 1e9)] {
+        let cube = lattice([3, 3, 3], |_| true, stiffness, 1.0);
+        let mut state = Solver::default();
+        put(&mut state, &cube, Vec3::ZERO, Vec3::X * 5.0);
+        put(&mut state, &cube, Vec3::X * 0.5, Vec3::X * -5.0);
+        let settings = StepSettings { gravity: Vec3::ZERO, ..colliding(restitution, 0.0, 1.0 / 60.0) };
+        let before = state.measure(Vec3::ZERO).total_energy();
+        for tick in 0..30 {
+            state.step(&settings);
+            let now = state.measure(Vec3::ZERO);
+            assert!(now.total_energy() < 1.001 * before, "tick {tick}: {now:?}, before {before}");
+            // Of 27 particles of 5 m/s and 0.02 kg on each side, rounded in each.
+            assert!(momentum(&state).length() < 2e-5, "tick {tick}: {}", momentum(&state));
+        }
+        let (one, other) = (state.velocity(13), state.velocity(27 + 13));
+        let expected = Vec3::X * 5.0 * restitution;
+        assert!((one + expected).length() < 0.05 && (other - expected).length() < 0.05, "{one} {other}");
+        let gap = (27..54).map(|particle| state.position(particle).x).fold(f32::INFINITY, f32::min)
+            - (0..27).map(|particle| state.position(particle).x).fold(f32::NEG_INFINITY, f32::max);
+        assert!(gap > 2.0 * RADIUS - 1e-3, "they overlap: {gap}");
+    }
+}
+
+/// Stiff cubes on top of each other: the ground carries all, and each joint what is above it.
+#[test]
+fn a_tower_of_stiff_cubes_stands() {
+    let cube = lattice([3, 3, 3], |_| true, 1e7, 0.0);
+    let mut state = Solver::default();
+    for number in 0..3_u8 {
+        put(&mut state, &cube, Vec3::Y * 0.2405 * f32::from(number), Vec3::ZERO);
+    }
+    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.5));
+    let settings = colliding(0.0, 0.5, 1.0 / 60.0);
+    let before = state.measure(settings.gravity).total_energy();
+    let weight = 27.0 * MASS * GRAVITY;
+    for tick in 0..300 {
+        state.step(&settings);
+        let now = state.measure(settings.gravity);
+        assert!(now.total_energy() < before, "tick {tick}: {now:?}, before {before}");
+    }
+    state.outputs_mut().record_contacts = true;
+    state.step(&settings);
+    let now = state.measure(settings.gravity);
+    assert!(now.kinetic_energy < 1e-6 && now.max_stretch < 1e-4, "{now:?}");
+    let mut carried = [0.0; 3];
+    for contact in &state.outputs().contacts {
+        let level = match contact.other {
+            ContactPartner::Plane(_) => 0,
+            ContactPartner::Particle(other) => contact.slot.max(other) / 27,
+        };
+        carried[level] += (contact.impulse * contact.normal.y).abs() / settings.time_step;
+    }
+    for (level, carried) in carried.into_iter().enumerate() {
+        let expected = weight * (3 - level) as f32;
+        assert!((carried / expected - 1.0).abs() < 0.02, "joint {level}: {carried} N, expected {expected}");
+    }
+}
+
+/// A stiff rope falls across another one that hangs between two pinned ends, and is held.
+#[test]
+fn stiff_ropes_hold_each_other() {
+    let mut state = Solver::default();
+    let links = 20_usize;
+    let mut rope = |direction: Vec3, height: f32, pinned: bool| {
+        for knot in 0..=links {
+            let place = direction * (knot as f32 - links as f32 / 2.0) * 0.04 + Vec3::Y * height;
+            let mass = if pinned && knot % links == 0 { f32::INFINITY } else { 0.01 };
+            let number = state.add_particle(place, Vec3::ZERO, mass, 0.02).unwrap();
+            if knot > 0 {
+                let spring = solver::Spring { rest_length: 0.0401, stiffness: 1e6, damping: 0.0 };
+                state.add_spring([number - 1, number], spring).unwrap();
+            }
+        }
+    };
+    rope(Vec3::X, 1.0, true);
+    rope(Vec3::Z, 1.1, false);
+    let settings = colliding(0.0, 0.3, 1.0 / 60.0);
+    let before = state.measure(settings.gravity).total_energy();
+    for tick in 0..60 {
+        state.step(&settings);
+        let now = state.measure(settings.gravity);
+        assert!(now.total_energy() < before + 1e-3, "tick {tick}: {now:?}, before {before}");
+        assert!(now.max_stretch < 0.02, "tick {tick}: {now:?}");
+    }
+    let (held, holding) = (state.position(21 + 10), state.position(10));
+    assert!(held.y > holding.y, "it has passed through: {held} {holding}");
 }
 
 #[test]

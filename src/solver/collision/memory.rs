@@ -77,6 +77,11 @@ impl ContactMemory {
         self.request_search();
     }
 
+    /// The entangled pairs of slots, the smaller first.
+    pub(in crate::solver) fn entangled(&self) -> &[[u32; 2]] {
+        &self.entangled
+    }
+
     /// Whether the particles in two slots overlap ever since one of them was new.
     pub(in crate::solver) fn are_entangled(&self, one: u32, other: u32) -> bool {
         self.entangled.contains(&[one.min(other), one.max(other)])

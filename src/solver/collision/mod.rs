@@ -22,6 +22,7 @@ mod pairs;
 mod plane;
 mod regions;
 mod response;
+mod stiff_pairs;
 
 use bevy::math::{Vec3, Vec3A};
 
@@ -36,6 +37,7 @@ use pairs::PairContacts;
 pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
+pub(super) use stiff_pairs::{StiffPair, StiffPairs};
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;

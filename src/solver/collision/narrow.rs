@@ -148,7 +148,8 @@ fn places(pair: &Candidate, start: usize) -> [usize; 2] {
 
 /// Whether their contact is a part of an implicit step.
 fn solved_elsewhere([one, other]: [&Body; 2]) -> bool {
-    (one.implicit && other.inverse_mass == 0.0) || (other.implicit && one.inverse_mass == 0.0)
+    let is_solved = |one: &Body, other: &Body| one.implicit && (other.implicit || other.inverse_mass == 0.0);
+    is_solved(one, other) || is_solved(other, one)
 }
 
 /// Whether two bodies overlap or touch.

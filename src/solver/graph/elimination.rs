@@ -11,7 +11,7 @@
 //!
 //! A forest has no core. Removing leaves at all ends at once makes the middle of a rope its root, so that the
 //! two halves are eliminated side by side, which the processor does at the same time. An element of more than
-//! two ends couples all of them, so that these are in the core.
+//! two ends couples all of them, so that these are in the core; so are particles that contacts join.
 
 use super::hierarchy::Hierarchy;
 use super::{Islands, Linked};
@@ -74,18 +74,31 @@ impl Elimination {
         });
         let mut nodes = vec![NO_NODE; particles.len()];
         let wanted = (0..members.len()).filter(|island| wanted(*island));
-        wanted.map(|island| Self::of(members.of(island), particles, &mut nodes)).collect()
+        wanted.map(|island| Self::of(members.of(island), &[], particles, &mut nodes)).collect()
     }
 
-    /// The elimination of an island of these elements; `nodes` is working memory.
-    fn of(members: &[Linked], particles: &Particles, nodes: &mut [u32]) -> Self {
+    /// One for several islands together, for as long as contacts join the particles in the slots `in_core`.
+    pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>, in_core: &[u32], particles: &Particles) -> Self {
+        let mut members = Vec::new();
+        for part in parts {
+            let slot = |node: u32| part.slots[node as usize];
+            let pairs = part.elements.iter().zip(&part.ends);
+            members.extend(pairs.map(|(element, ends)| Linked::new(*element, &ends.map(slot))));
+            members.extend(part.compounds.iter().map(|compound| compound.map_ends(slot)));
+        }
+        members.sort_unstable_by_key(|member| member.element);
+        Self::of(&members, in_core, particles, &mut vec![NO_NODE; particles.len()])
+    }
+
+    /// The elimination of these elements, with the slots `in_core` in the core; `nodes` is working memory.
+    fn of(members: &[Linked], in_core: &[u32], particles: &Particles, nodes: &mut [u32]) -> Self {
         let mut all: Vec<u32> = members.iter().flat_map(Linked::ends).copied().collect();
         all.sort_unstable();
         all.dedup();
         let (pinned, free): (Vec<u32>, Vec<u32>) =
             all.into_iter().partition(|slot| particles.is_pinned(*slot as usize));
         let mut elimination = Self { free: free.len(), ..Self::default() };
-        elimination.number(members, &free, particles, nodes);
+        elimination.number(members, in_core, &free, particles, nodes);
         elimination.slots.extend(pinned);
         for (node, slot) in (0..).zip(&elimination.slots) {
             nodes[*slot as usize] = node;
@@ -99,7 +112,14 @@ impl Elimination {
     }
 
     /// Numbers the free nodes; the parents are slots for the time being. `places` is working memory.
-    fn number(&mut self, members: &[Linked], free: &[u32], particles: &Particles, places: &mut [u32]) {
+    fn number(
+        &mut self,
+        members: &[Linked],
+        forced: &[u32],
+        free: &[u32],
+        particles: &Particles,
+        places: &mut [u32],
+    ) {
         let mut in_core = vec![false; free.len()];
         for (place, slot) in (0..).zip(free) {
             places[*slot as usize] = place;
@@ -116,7 +136,8 @@ impl Elimination {
             }
         });
         neighbours.sort_and_dedup();
-        for end in members.iter().filter(|member| member.count > 2).flat_map(Linked::ends) {
+        let coupled = members.iter().filter(|member| member.count > 2).flat_map(Linked::ends);
+        for end in coupled.chain(forced) {
             place_of(*end).into_iter().for_each(|place| in_core[place as usize] = true);
         }
         let mut degree: Vec<usize> = (0..free.len()).map(|place| neighbours.of(place).len()).collect();

@@ -40,7 +40,7 @@ pub(super) struct Linked {
 }
 
 impl Linked {
-    fn new(element: u32, ends: &[u32]) -> Self {
+    pub fn new(element: u32, ends: &[u32]) -> Self {
         let mut all = [0; MAX_ENDS];
         all[..ends.len()].copy_from_slice(ends);
         Self { element, count: ends.len() as u32, ends: all }

@@ -7,8 +7,11 @@ use super::preconditioner::Preconditioner;
 use super::system::System;
 use crate::solver::graph::Elimination;
 
-/// The error that is left, as a part of the solution, both measured as energies (‖e‖² = eᵀHe).
-const TOLERANCE: f64 = 0.1;
+/// The error that is left of a Newton step, as a part of it, both measured as energies (‖e‖² = eᵀHe).
+pub(super) const STEP_TOLERANCE: f64 = 0.1;
+
+/// The same for a rebound, which no further step corrects.
+pub(super) const REBOUND_TOLERANCE: f64 = 1e-4;
 
 /// Number of iterations by whose gains the error is estimated (Strakoš and Tichý, *ETNA* 13, 56, 2002).
 const LOOK_BACK: usize = 4;
@@ -31,8 +34,8 @@ pub(super) struct ConjugateGradient {
 }
 
 impl ConjugateGradient {
-    /// Solves for the steps of the core.
-    pub fn solve(&mut self, system: &mut System, elimination: &Elimination) {
+    /// Solves for the steps of the core, up to an error of `tolerance`.
+    pub fn solve(&mut self, system: &mut System, elimination: &Elimination, tolerance: f64) {
         let nodes = elimination.trees..elimination.free;
         self.iterations = 0;
         if nodes.is_empty() {
@@ -54,7 +57,7 @@ impl ConjugateGradient {
         for (node, right) in system.right[nodes.clone()].iter().enumerate() {
             set(&mut self.residual, node, *right);
         }
-        pulp::Arch::new().dispatch(Iteration { vectors: self, elimination });
+        pulp::Arch::new().dispatch(Iteration { vectors: self, elimination, tolerance });
         for (node, step) in system.step[nodes].iter_mut().enumerate() {
             *step = get(&self.solution, node);
         }
@@ -62,7 +65,7 @@ impl ConjugateGradient {
 
     /// The iteration, from the solution 0 and the residual that is the right side.
     #[inline(always)]
-    fn iterate(&mut self, elimination: &Elimination) {
+    fn iterate(&mut self, elimination: &Elimination, tolerance: f64) {
         let Self { core, preconditioner, solution, residual, direction, product, preconditioned, iterations } =
             self;
         preconditioner.apply(&elimination.hierarchy, residual, preconditioned);
@@ -79,7 +82,7 @@ impl ConjugateGradient {
             total_gain += length * steepness;
             *iterations += 1;
             let recent: f64 = gained.iter().sum();
-            if *iterations >= LOOK_BACK && recent <= TOLERANCE * TOLERANCE * total_gain {
+            if *iterations >= LOOK_BACK && recent <= tolerance * tolerance * total_gain {
                 break;
             }
             preconditioner.apply(&elimination.hierarchy, residual, preconditioned);
@@ -97,6 +100,7 @@ impl ConjugateGradient {
 struct Iteration<'a> {
     vectors: &'a mut ConjugateGradient,
     elimination: &'a Elimination,
+    tolerance: f64,
 }
 
 impl pulp::WithSimd for Iteration<'_> {
@@ -104,7 +108,7 @@ impl pulp::WithSimd for Iteration<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.vectors.iterate(self.elimination);
+        self.vectors.iterate(self.elimination, self.tolerance);
     }
 }
 

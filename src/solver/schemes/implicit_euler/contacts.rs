@@ -14,18 +14,19 @@
 //! of the slip u along the surface, where N is the normal force of the last solution and φ is ‖u‖, but
 //! quadratic below [`CREEP`] m/s.
 //!
-//! Restitution follows Poisson: after the step, an impact gives once more ε times the impulse that it has given
-//! in the step, and the whole island answers to it by the same linear system, without the contacts that part.
+//! Restitution: after the step, what has approached at the speed u is sent back at ε u, and the whole island answers
+//! to it by the same linear system.
 
 use std::ops::Range;
 
 use bevy::math::DVec3;
 
-use super::block::Symmetric;
+use super::contact::{Contact, Partner, Sums};
 use super::newton::MAX_STEPS;
-use crate::solver::collision::{ContactMemory, ContactRecord, Obstacle, Obstacles};
+use crate::solver::collision::{ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair};
 use crate::solver::graph::Elimination;
 use crate::solver::particles::Particles;
+use crate::solver::settings::PairRules;
 
 /// What may be left of a way into an obstacle, as a part of the longest way of the step.
 const SOFTNESS: f64 = 1e-3;
@@ -55,32 +56,6 @@ const MIN_ANGLE: f64 = 1e-6;
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
 const REACH: f64 = 4.0;
-
-/// A particle that touches an obstacle, or may in this step.
-#[derive(Debug, Clone, Copy)]
-struct Contact {
-    node: usize,
-    obstacle: Obstacle,
-    /// m.
-    radius: f64,
-    /// N/m.
-    inertia: f64,
-    /// The gap at which it begins to be held, m, <= 0.
-    allowed: f64,
-    /// How far the surface moves in the step at the contact, m.
-    surface_way: DVec3,
-    /// The speed at which the particle and the surface come closer when the step begins, m/s; gravity's share of
-    /// the step included.
-    approach: f64,
-    /// Towards the particle, where it was linearised last.
-    normal: DVec3,
-    /// The normal force there, N, >= 0.
-    force: f64,
-    /// The normal force that friction goes by, N; in a rebound, what is given again.
-    lagged: f64,
-    /// The force of friction where it was linearised last, N.
-    friction: DVec3,
-}
 
 /// The contacts of an island in one step.
 #[derive(Debug, Clone, Default)]
@@ -149,9 +124,6 @@ impl Contacts {
         self.contacts.clear();
         self.mode = Mode::Step;
         self.changed = false;
-        if obstacles.is_empty() {
-            return;
-        }
         let free = 0..elimination.free;
         let longest = longest_way(free.clone(), start, flight);
         (self.stiffness, self.passes) = (STIFFENING, 0);
@@ -174,17 +146,48 @@ impl Contacts {
                 let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
                 self.contacts.push(Contact {
                     node,
-                    obstacle: *obstacle,
+                    partner: Partner::Obstacle(*obstacle),
                     radius,
                     inertia: inertia[node],
                     allowed,
-                    surface_way,
+                    origin: start[node] + surface_way,
                     approach,
                     normal,
                     force: 0.0,
                     lagged: 0.0,
-                    friction: DVec3::ZERO,
+                    rebound: 0.0,
+                    rubbing: DVec3::ZERO,
+                    restitution: obstacle.restitution,
+                    friction: obstacle.friction,
                 });
+            });
+        }
+    }
+
+    /// Adds contacts between particles of the island; `node_of` has the nodes of their slots.
+    pub fn add_pairs(&mut self, motion: &Motion, pairs: &[StiffPair], node_of: &[u32], rules: PairRules) {
+        let Motion { particles, start, flight, inertia, h, .. } = *motion;
+        for StiffPair { slots, normal } in pairs {
+            let [node, other] = slots.map(|slot| node_of[slot as usize] as usize);
+            let [radius, other_radius] = slots.map(|slot| f64::from(particles.radius()[slot as usize]));
+            let reach = radius + other_radius;
+            let apart = start[node] - start[other];
+            let approach = (apart - (flight[node] - flight[other])).dot(*normal) / h;
+            self.contacts.push(Contact {
+                node,
+                partner: Partner::Node { node: other, normal: *normal, reach },
+                radius,
+                inertia: 1.0 / (1.0 / inertia[node] + 1.0 / inertia[other]),
+                allowed: (apart.dot(*normal) - reach + RECOVERY_SPEED * h).min(0.0),
+                origin: apart,
+                approach,
+                normal: *normal,
+                force: 0.0,
+                lagged: 0.0,
+                rebound: 0.0,
+                rubbing: DVec3::ZERO,
+                restitution: f64::from(rules.restitution),
+                friction: f64::from(rules.friction),
             });
         }
     }
@@ -216,16 +219,22 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// The force of all contacts, N.
+    /// The contacts with obstacles that held in the last linearisation.
+    fn held_by_obstacles(&self) -> impl Iterator<Item = &Contact> {
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0);
+        held.filter(|contact| matches!(contact.partner, Partner::Obstacle(_)))
+    }
+
+    /// The force of all obstacles, N.
     pub fn force(&self) -> DVec3 {
-        self.contacts.iter().map(|contact| contact.normal * contact.force + contact.friction).sum()
+        self.held_by_obstacles().map(|contact| contact.normal * contact.force + contact.rubbing).sum()
     }
 
     /// The part of a displacement that leads into no obstacle and away from none.
     pub fn along_surfaces(&self, displacement: DVec3) -> DVec3 {
         let mut basis = [DVec3::ZERO; 3];
         let mut count = 0;
-        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
+        for contact in self.held_by_obstacles() {
             let outside = perpendicular(contact.normal, &basis);
             if count < 3 && outside.length_squared() > MIN_ANGLE * MIN_ANGLE {
                 basis[count] = outside.normalize();
@@ -248,7 +257,7 @@ impl Contacts {
         let mut rubs = false;
         let mut deepest = 0.0_f64;
         for contact in self.contacts.iter_mut().filter(|contact| contact.force > 0.0) {
-            rubs |= contact.obstacle.friction > 0.0;
+            rubs |= contact.friction > 0.0;
             deepest = deepest.max(contact.force / (self.stiffness * contact.inertia));
         }
         for contact in &mut self.contacts {
@@ -263,69 +272,37 @@ impl Contacts {
     }
 
     /// The energy at these positions, J.
-    pub fn energy(&self, position: &[DVec3], start: &[DVec3]) -> f64 {
-        let energy = |contact: &Contact| {
-            let (gap, normal) = contact.obstacle.gap(position[contact.node], contact.radius);
-            let depth = (contact.allowed - gap).max(0.0);
-            let slip = position[contact.node] - start[contact.node] - contact.surface_way;
-            let limit = contact.obstacle.friction * contact.lagged;
-            let friction = rub(slip - normal * slip.dot(normal), normal, limit, self.creep);
-            0.5 * self.stiffness * contact.inertia * depth * depth + friction.energy
-        };
-        self.contacts.iter().map(energy).sum()
+    pub fn energy(&self, position: &[DVec3]) -> f64 {
+        self.contacts.iter().map(|contact| contact.energy(position, self.stiffness, self.creep)).sum()
     }
 
     /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J.
-    pub fn linearise(
-        &mut self,
-        position: &[DVec3],
-        start: &[DVec3],
-        right: &mut [DVec3],
-        diagonal: &mut [Symmetric],
-    ) -> f64 {
+    pub fn linearise(&mut self, position: &[DVec3], mut sums: Sums) -> f64 {
         let Self { contacts, stiffness, creep, mode, changed, .. } = self;
         *changed = false;
         let mut energy = 0.0;
         for contact in contacts {
-            let node = contact.node;
             if *mode == Mode::Rebound {
-                contact.rebound(*stiffness * contact.inertia, &mut right[node], &mut diagonal[node]);
+                contact.send_back(*stiffness, &mut sums);
                 continue;
             }
-            let (gap, normal) = contact.obstacle.gap(position[node], contact.radius);
-            let depth = contact.allowed - gap;
             let was_held = contact.force > 0.0;
-            contact.normal = normal;
-            let stiffness = *stiffness * contact.inertia;
-            contact.force = stiffness * depth.max(0.0);
+            energy += contact.linearise(position, *stiffness, *creep, &mut sums);
             *changed |= was_held != (contact.force > 0.0);
-            if depth > 0.0 {
-                energy += 0.5 * contact.force * depth;
-                right[node] += normal * contact.force;
-                diagonal[node] += Symmetric::uniaxial(normal, stiffness, 0.0);
-            }
-            let limit = contact.obstacle.friction * contact.lagged;
-            if limit > 0.0 {
-                let slip = position[node] - start[node] - contact.surface_way;
-                let found = rub(slip - normal * slip.dot(normal), normal, limit, *creep);
-                energy += found.energy;
-                right[node] += found.force;
-                diagonal[node] += found.stiffness;
-                contact.friction = found.force;
-            }
         }
         energy
     }
 
-    /// Prepares the next linearisation for the rebound; whether anything rebounds: what approached faster than
-    /// `resting_speed`, m/s.
-    pub fn begin_rebound(&mut self, resting_speed: f64) -> bool {
+    /// Prepares the next linearisation for the rebound in a step of `h` seconds; whether anything rebounds: what would
+    /// do so faster than `resting_speed`, m/s.
+    pub fn begin_rebound(&mut self, position: &[DVec3], resting_speed: f64, h: f64) -> bool {
         let mut any = false;
         for contact in self.contacts.iter_mut().filter(|contact| contact.force > 0.0) {
-            let Contact { obstacle, approach, .. } = *contact;
-            let rebounds = obstacle.restitution > 0.0 && obstacle.restitution * approach > resting_speed;
-            contact.lagged = if rebounds { obstacle.restitution * contact.force } else { 0.0 };
-            any |= rebounds;
+            let speed = contact.restitution * contact.approach;
+            // The step has brought it to the surface.
+            let left = -contact.way(position).dot(contact.normal);
+            contact.rebound = if speed > resting_speed { h * speed + left } else { 0.0 };
+            any |= contact.rebound > 0.0;
         }
         if any {
             self.mode = Mode::Rebound;
@@ -342,14 +319,18 @@ impl Contacts {
         mut record: impl FnMut(ContactRecord),
     ) {
         for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
-            let Contact { node, normal, radius, force, lagged, .. } = *contact;
-            let rebound = if self.mode == Mode::Rebound { lagged } else { 0.0 };
+            let Contact { node, normal, radius, force, restitution, .. } = *contact;
+            let again = if contact.rebound > 0.0 { restitution } else { 0.0 };
+            let other = match contact.partner {
+                Partner::Obstacle(obstacle) => obstacle.partner,
+                Partner::Node { node, .. } => ContactPartner::Particle(elimination.slots[node] as usize),
+            };
             record(ContactRecord {
                 slot: elimination.slots[node] as usize,
-                other: contact.obstacle.partner,
+                other,
                 point: (position[node] - normal * radius).as_vec3(),
                 normal: normal.as_vec3(),
-                impulse: (h * (force + rebound)) as f32,
+                impulse: (h * force * (1.0 + again)) as f32,
             });
         }
     }
@@ -363,36 +344,4 @@ fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
 /// The longest way of a node, m.
 fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
     nodes.map(|node| end[node].distance_squared(start[node])).fold(0.0, f64::max).sqrt()
-}
-
-impl Contact {
-    /// The force of the step, and what is given again; what does not rebound stays held.
-    fn rebound(&self, stiffness: f64, right: &mut DVec3, diagonal: &mut Symmetric) {
-        if self.force > 0.0 {
-            let again = self.lagged / self.force;
-            *right += self.normal * (self.force + self.lagged) + self.friction * (1.0 + again);
-            if self.lagged == 0.0 {
-                *diagonal += Symmetric::uniaxial(self.normal, stiffness, 0.0);
-            }
-        }
-    }
-}
-
-/// What friction contributes.
-struct Friction {
-    energy: f64,
-    force: DVec3,
-    stiffness: Symmetric,
-}
-
-/// Friction against a slip of at most `limit` N: its potential is limit · ‖slip‖, but quadratic below `creep` m.
-fn rub(slip: DVec3, normal: DVec3, limit: f64, creep: f64) -> Friction {
-    let length = slip.length();
-    let weight = limit / length.max(creep);
-    let energy = match length < creep {
-        true => 0.5 * weight * length * length,
-        false => limit * (length - 0.5 * creep),
-    };
-    // The quadratic that touches the potential from above: a step never overshoots.
-    Friction { energy, force: slip * -weight, stiffness: Symmetric::uniaxial(normal, 0.0, weight) }
 }

@@ -15,7 +15,9 @@
 //! eliminated directly, `conjugate_gradient.rs` solves for the rest.
 
 mod block;
+mod clusters;
 mod conjugate_gradient;
+mod contact;
 mod contacts;
 mod core;
 mod newton;
@@ -25,13 +27,14 @@ mod tr_bdf2;
 
 use bevy::math::{DVec3, Vec3};
 
-use crate::solver::collision::{ContactMemory, ContactRecord, Obstacles, Surroundings};
+use crate::solver::collision::{ContactRecord, Obstacles, StiffPair, Surroundings};
 use crate::solver::elements::{Acting, Elements};
 use crate::solver::graph::{Elimination, IslandSet, Islands, overlap_at_rest};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
+use clusters::Clusters;
 use contacts::{Motion, PairFilter};
 use newton::{MAX_STEPS, Newton};
 use system::System;
@@ -46,6 +49,7 @@ pub(in crate::solver) struct ImplicitEuler {
     /// The pinned slots that any element pulls at.
     sprung: Vec<u32>,
     obstacles: Obstacles,
+    clusters: Clusters,
     /// The contacts of the last step.
     touching: Vec<ContactRecord>,
     key: Option<(Version, Version, Version)>,
@@ -60,6 +64,9 @@ struct Island {
     anchors: Vec<(u32, u32, u32)>,
     /// The nodes and pinned slots that do not collide.
     excluded: Vec<(u32, u32)>,
+    /// The contacts between its own particles, where it is a cluster of islands, and the node of each slot.
+    pairs: Vec<StiffPair>,
+    node_of: Vec<u32>,
     stages: Stages,
 }
 
@@ -73,7 +80,7 @@ struct Step<'a> {
     obstacles: &'a Obstacles,
     /// The pinned slots that any element pulls at.
     sprung: &'a [u32],
-    memory: &'a ContactMemory,
+    surroundings: Surroundings<'a>,
 }
 
 impl<'a> Step<'a> {
@@ -100,12 +107,8 @@ impl ImplicitEuler {
         let is_wanted = |island: usize| wanted.is_none_or(|wanted| wanted.contains_island(island));
         let eliminations = Elimination::of_islands(elements, particles, islands, is_wanted);
         self.islands.clear();
-        self.islands.extend(eliminations.into_iter().map(|elimination| {
-            let mut island = Island { elimination, ..Island::default() };
-            island.system.resize(&island.elimination);
-            island.find_anchors();
-            island
-        }));
+        self.islands.extend(eliminations.into_iter().map(Island::new));
+        self.clusters.reset(&self.islands, particles.len());
         self.sprung.clear();
         elements.for_each_acting(|Acting { ends, .. }| {
             self.sprung.extend(ends.iter().filter(|end| particles.is_pinned(**end as usize)));
@@ -133,8 +136,7 @@ impl ImplicitEuler {
 
     /// The slots of the particles in islands that it advances.
     pub fn island_slots(&self) -> impl Iterator<Item = usize> {
-        let islands = self.islands.iter().map(|island| &island.elimination);
-        islands.flat_map(|elimination| &elimination.slots[..elimination.free]).map(|slot| *slot as usize)
+        self.islands.iter().flat_map(Island::slots)
     }
 
     /// Advances what it has been [prepared](Self::prepare) for; with `pulls` by TR-BDF2, where the present motion of an
@@ -151,10 +153,14 @@ impl ImplicitEuler {
     ) {
         let h = f64::from(substep);
         self.obstacles.gather(particles, surroundings, h);
-        let Self { islands, obstacles, sprung, touching, .. } = self;
+        let Self { islands, obstacles, clusters, sprung, touching, .. } = self;
         touching.clear();
-        let step = Step { elements, field, h, obstacles, sprung, memory: surroundings.memory };
-        for island in islands {
+        let step = Step { elements, field, h, obstacles, sprung, surroundings };
+        let particles_collide = surroundings.settings.pair_rules.is_some();
+        if particles_collide {
+            clusters.begin(particles);
+        }
+        for island in &mut *islands {
             island.exclude_pairs(particles, elements);
             let is_second_order = match &pulls {
                 Some(pulls) => island.advance_tr_bdf2(step, particles, acceleration, pulls),
@@ -166,6 +172,9 @@ impl ImplicitEuler {
             if let Some(pulls) = &mut pulls {
                 island.keep_pulls(particles, pulls);
             }
+        }
+        if particles_collide {
+            clusters.advance(islands, step, particles, acceleration, touching, pulls.as_deref_mut());
         }
         for slot in self.others.iter().map(|slot| *slot as usize) {
             if particles.is_pinned(slot) {
@@ -185,6 +194,13 @@ impl ImplicitEuler {
 }
 
 impl Island {
+    fn new(elimination: Elimination) -> Self {
+        let mut island = Self { elimination, ..Self::default() };
+        island.system.resize(&island.elimination);
+        island.find_anchors();
+        island
+    }
+
     /// Lists the springs to pinned particles.
     fn find_anchors(&mut self) {
         let Self { elimination, anchors, .. } = self;
@@ -206,20 +222,17 @@ impl Island {
     }
 
     /// Solves the equations of the step, which the system has begun.
-    fn solve(
-        &mut self,
-        particles: &Particles,
-        obstacles: &Obstacles,
-        (sprung, memory): (&[u32], &ContactMemory),
-        h: f64,
-    ) {
-        let Self { elimination, system, newton, excluded, .. } = self;
+    fn solve(&mut self, particles: &Particles, step: Step) {
+        let Step { obstacles, sprung, surroundings: Surroundings { memory, settings, .. }, h, .. } = step;
+        let Self { elimination, system, newton, excluded, pairs, node_of, .. } = self;
         let filter = PairFilter { excluded, sprung, memory };
+        let rules = settings.pair_rules.unwrap_or_default();
         let mut reach = 0.0;
         loop {
             let System { start, flight, inertia, contacts, .. } = &mut *system;
             let motion = Motion { elimination, particles, start, flight, inertia, h };
             contacts.begin(&motion, obstacles, &filter, reach);
+            contacts.add_pairs(&motion, pairs, node_of, rules);
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
@@ -243,15 +256,16 @@ impl Island {
         acceleration: &mut Vectors,
         touching: &mut Vec<ContactRecord>,
     ) {
-        let Step { elements, field, h, obstacles, .. } = step;
+        let Step { elements, field, h, .. } = step;
         self.system.begin(&self.elimination, particles, elements, field, h);
-        self.solve(particles, obstacles, (step.sprung, step.memory), h);
+        self.solve(particles, step);
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
-        let rebounds = system.contacts.begin_rebound(resting_speed);
+        let rebounds = system.contacts.begin_rebound(&system.position, resting_speed, h);
         system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
         if rebounds {
+            system.load = 0.0;
             newton.solve_once(system, elimination);
         }
         self.finish(particles, acceleration, h, rebounds);
@@ -278,7 +292,7 @@ impl Island {
         self.balance();
         let Self { elimination, system, stages, excluded, .. } = self;
         let context = step.context(elimination);
-        let filter = PairFilter { excluded, sprung: step.sprung, memory: step.memory };
+        let filter = PairFilter { excluded, sprung: step.sprung, memory: step.surroundings.memory };
         if stages.enters_obstacle(system, context, particles, (step.obstacles, &filter))
             || stages.gains_energy(system, context, particles)
         {

@@ -2,7 +2,7 @@
 
 use bevy::math::DVec3;
 
-use super::conjugate_gradient::ConjugateGradient;
+use super::conjugate_gradient::{ConjugateGradient, REBOUND_TOLERANCE, STEP_TOLERANCE};
 use super::system::System;
 use crate::solver::graph::Elimination;
 
@@ -101,7 +101,7 @@ impl Newton {
                 system.position.clone_from(&self.best);
                 system.linearise(elimination);
             }
-            self.conjugate_gradient.solve(system, elimination);
+            self.conjugate_gradient.solve(system, elimination, STEP_TOLERANCE);
             self.find_step(system, elimination);
             if ascents > MAX_ASCENTS {
                 self.descend(system, elimination, least);
@@ -136,7 +136,7 @@ impl Newton {
     /// Solves the system once, as it is linearised at the present positions, for the `step` of each node.
     pub fn solve_once(&mut self, system: &mut System, elimination: &Elimination) {
         system.linearise(elimination);
-        self.conjugate_gradient.solve(system, elimination);
+        self.conjugate_gradient.solve(system, elimination, REBOUND_TOLERANCE);
         self.find_step(system, elimination);
     }
 

@@ -6,6 +6,7 @@
 use bevy::math::DVec3;
 
 use super::block::Symmetric;
+use super::contact;
 use super::contacts::Contacts;
 use crate::solver::elements::{Elements, MAX_ENDS, Potential};
 use crate::solver::graph::{Elimination, Linked};
@@ -120,6 +121,8 @@ pub(super) struct System {
     pub step: Vec<DVec3>,
     eliminated: Vec<Eliminated>,
     pub sums: Sums,
+    /// 1; 0 where the forces of inertia and of elements are left out, and only their stiffness counts.
+    pub load: f64,
     /// The elements of two ends, then the compounds.
     pub elements: Vec<Linearised>,
     /// The links within the core.
@@ -172,6 +175,7 @@ impl System {
         field: Field,
         h: f64,
     ) {
+        self.load = 1.0;
         let viscosity = f64::from(field.viscosity);
         for (node, &slot) in elimination.slots.iter().enumerate() {
             let slot = slot as usize;
@@ -223,8 +227,8 @@ impl System {
         self.sums = Sums::default();
         self.step[elimination.free..].fill(DVec3::ZERO);
         let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
-        let Self { contacts, position, start, right, diagonal, .. } = self;
-        let touched = contacts.linearise(position, start, right, diagonal);
+        let Self { contacts, position, right, diagonal, compounds, .. } = self;
+        let touched = contacts.linearise(position, contact::Sums { right, diagonal, compounds });
         core + touched + self.eliminate_trees(elimination)
     }
 
@@ -240,8 +244,7 @@ impl System {
         let compounds = compounds.map(|(compound, element)| {
             element.energy(combine(&compound.nodes, compound.weights, &self.position))
         });
-        inertial.chain(pairs).chain(compounds).sum::<f64>()
-            + self.contacts.energy(&self.position, &self.start)
+        inertial.chain(pairs).chain(compounds).sum::<f64>() + self.contacts.energy(&self.position)
     }
 
     fn linearise_core(&mut self, elimination: &Elimination) -> f64 {
@@ -252,7 +255,7 @@ impl System {
             self.sums.pulled += pulled;
             self.sums.pulled_energy += self.inertia[node] * pulled;
             energy += 0.5 * self.inertia[node] * pulled;
-            self.right[node] -= self.inertia[node] * apart;
+            self.right[node] -= self.load * self.inertia[node] * apart;
         }
         self.links.clear();
         for (element, &[first, second]) in
@@ -261,12 +264,13 @@ impl System {
             let (first, second) = (first as usize, second as usize);
             let found = element.linearise(self.position[first] - self.position[second]);
             energy += found.energy;
-            self.right[first] += found.force;
+            let force = self.load * found.force;
+            self.right[first] += force;
             let link = Link { direction: element.direction, along: found.along, across: found.across };
             if second >= elimination.free {
                 self.diagonal[first] += link.block();
             } else {
-                self.right[second] -= found.force;
+                self.right[second] -= force;
                 self.links.push(link);
             }
         }
@@ -275,13 +279,16 @@ impl System {
 
     fn linearise_compounds(&mut self, elimination: &Elimination) -> f64 {
         let mut energy = 0.0;
-        let Self { compounds, elements, position, right, .. } = self;
+        // Behind them are those of contacts.
+        self.compounds.truncate(elimination.compounds.len());
+        let Self { compounds, elements, position, right, load, .. } = self;
+        let load = *load;
         for (compound, element) in compounds.iter_mut().zip(&mut elements[elimination.elements.len()..]) {
             let found = element.linearise(combine(&compound.nodes, compound.weights, position));
             energy += found.energy;
             compound.block = Symmetric::uniaxial(element.direction, found.along, found.across);
             for (node, weight) in compound.core_ends(elimination) {
-                right[elimination.trees + node] += found.force * weight;
+                right[elimination.trees + node] += found.force * (load * weight);
             }
         }
         energy
@@ -289,7 +296,7 @@ impl System {
 
     fn eliminate_trees(&mut self, elimination: &Elimination) -> f64 {
         let mut energy = 0.0;
-        let sums = &mut self.sums;
+        let (sums, load) = (&mut self.sums, self.load);
         for (node, eliminated) in self.eliminated.iter_mut().enumerate() {
             let parent = elimination.parents[node] as usize;
             let position = self.position[node];
@@ -299,7 +306,7 @@ impl System {
             sums.pulled += pulled;
             sums.pulled_energy += inertia * pulled;
             energy += 0.5 * inertia * pulled;
-            let mut right = self.right[node] - inertia * apart;
+            let mut right = self.right[node] - load * inertia * apart;
             let mut own = self.diagonal[node].plus_diagonal(inertia);
             let mut link = Symmetric::default();
             let range = elimination.tree_starts[node] as usize..elimination.tree_starts[node + 1] as usize;
@@ -307,12 +314,13 @@ impl System {
                 let other = ends[1] as usize;
                 let found = element.linearise(position - self.position[other]);
                 energy += found.energy;
-                right += found.force;
+                let force = load * found.force;
+                right += force;
                 let block = Symmetric::uniaxial(element.direction, found.along, found.across);
                 own += block;
                 if other == parent {
                     link += block;
-                    self.right[parent] -= found.force;
+                    self.right[parent] -= force;
                 }
             }
             let factor = own.factor(inertia);

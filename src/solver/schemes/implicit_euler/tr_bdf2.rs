@@ -206,6 +206,7 @@ impl Stages {
         let Context { elimination, elements, field, h } = context;
         let s = STAGE * h;
         system.contacts.clear();
+        system.load = 1.0;
         // The dampers' lengths are taken before the positions are others.
         system.elements.clear();
         let two_ends = elimination.elements.iter().zip(&elimination.ends).zip(&self.elements);

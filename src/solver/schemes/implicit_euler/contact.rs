@@ -1,0 +1,153 @@
+//! One contact of an implicit step: what it adds to the potential. See `contacts.rs`.
+
+use bevy::math::DVec3;
+
+use super::block::Symmetric;
+use super::system::Compound;
+use crate::solver::collision::Obstacle;
+use crate::solver::elements::MAX_ENDS;
+use crate::solver::graph::Linked;
+
+/// A particle that touches an obstacle or another particle, or may in this step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Contact {
+    pub node: usize,
+    pub partner: Partner,
+    /// m.
+    pub radius: f64,
+    /// K is a multiple of this, N/m.
+    pub inertia: f64,
+    /// The gap at which it begins to be held, m, <= 0.
+    pub allowed: f64,
+    /// Where the particle would be if it had moved with what it touches, relative to that where it is another one; m.
+    pub origin: DVec3,
+    /// The speed at which the two come closer when the step begins, m/s; gravity's share of the step included.
+    pub approach: f64,
+    /// Towards the particle, where it was linearised last.
+    pub normal: DVec3,
+    /// The normal force there, N, >= 0.
+    pub force: f64,
+    /// The normal force that friction goes by, N.
+    pub lagged: f64,
+    /// How far it is sent back in as long as the step takes, m.
+    pub rebound: f64,
+    /// The force of friction where it was linearised last, N.
+    pub rubbing: DVec3,
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: f64,
+    /// Coefficient of Coulomb friction, >= 0.
+    pub friction: f64,
+}
+
+/// What a particle touches.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Partner {
+    Obstacle(Obstacle),
+    /// Another node, which it is not to come closer to than `reach` m along `normal`.
+    Node {
+        node: usize,
+        normal: DVec3,
+        reach: f64,
+    },
+}
+
+/// Forces and stiffness of the nodes, to be added to.
+pub(super) struct Sums<'a> {
+    pub right: &'a mut [DVec3],
+    pub diagonal: &'a mut [Symmetric],
+    pub compounds: &'a mut Vec<Compound>,
+}
+
+impl Contact {
+    /// The gap at these positions, m, and the direction towards the particle.
+    fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
+        match self.partner {
+            Partner::Obstacle(obstacle) => obstacle.gap(position[self.node], self.radius),
+            Partner::Node { node, normal, reach } => {
+                ((position[self.node] - position[node]).dot(normal) - reach, normal)
+            }
+        }
+    }
+
+    /// The way of the particle in the step, relative to what it touches, m.
+    pub fn way(&self, position: &[DVec3]) -> DVec3 {
+        let other = if let Partner::Node { node, .. } = self.partner { position[node] } else { DVec3::ZERO };
+        position[self.node] - other - self.origin
+    }
+
+    /// The slip along the surface, m.
+    fn slip(&self, position: &[DVec3], normal: DVec3) -> DVec3 {
+        let way = self.way(position);
+        way - normal * way.dot(normal)
+    }
+
+    /// Its energy at these positions, J; `stiffness` is K as a multiple of the inertia, `creep` in m.
+    pub fn energy(&self, position: &[DVec3], stiffness: f64, creep: f64) -> f64 {
+        let (gap, normal) = self.gap(position);
+        let depth = (self.allowed - gap).max(0.0);
+        let friction = rub(self.slip(position, normal), self.friction * self.lagged, creep);
+        0.5 * stiffness * self.inertia * depth * depth + friction.energy
+    }
+
+    /// Adds what it contributes at these positions; its energy in J.
+    pub fn linearise(&mut self, position: &[DVec3], stiffness: f64, creep: f64, sums: &mut Sums) -> f64 {
+        let (gap, normal) = self.gap(position);
+        let depth = self.allowed - gap;
+        self.normal = normal;
+        let stiffness = stiffness * self.inertia;
+        self.force = stiffness * depth.max(0.0);
+        let limit = self.friction * self.lagged;
+        let friction = rub(self.slip(position, normal), limit, creep);
+        self.rubbing = friction.force;
+        if depth <= 0.0 && limit == 0.0 {
+            return 0.0;
+        }
+        let along = if depth > 0.0 { stiffness } else { 0.0 };
+        self.add(normal * self.force + self.rubbing, [along, friction.stiffness], sums);
+        0.5 * self.force * depth.max(0.0) + friction.energy
+    }
+
+    /// Holds what has touched where it is, or sends it back by `rebound`.
+    pub fn send_back(&self, stiffness: f64, sums: &mut Sums) {
+        if self.force > 0.0 {
+            let stiffness = stiffness * self.inertia;
+            self.add(self.normal * (stiffness * self.rebound), [stiffness, 0.0], sums);
+        }
+    }
+
+    /// Adds a force on the particle, and a stiffness along and across the normal, N/m.
+    fn add(&self, force: DVec3, [along, across]: [f64; 2], sums: &mut Sums) {
+        let block = Symmetric::uniaxial(self.normal, along, across);
+        sums.right[self.node] += force;
+        match self.partner {
+            Partner::Obstacle(_) => sums.diagonal[self.node] += block,
+            Partner::Node { node, .. } => {
+                sums.right[node] -= force;
+                let nodes = Linked::new(u32::MAX, &[self.node as u32, node as u32]);
+                let mut weights = [0.0; MAX_ENDS];
+                weights[..2].copy_from_slice(&[1.0, -1.0]);
+                sums.compounds.push(Compound { nodes, weights, block });
+            }
+        }
+    }
+}
+
+/// What friction contributes.
+struct Friction {
+    energy: f64,
+    force: DVec3,
+    /// Along the surface, N/m.
+    stiffness: f64,
+}
+
+/// Friction against a slip of at most `limit` N: its potential is limit · ‖slip‖, but quadratic below `creep` m.
+fn rub(slip: DVec3, limit: f64, creep: f64) -> Friction {
+    let length = slip.length();
+    let weight = if limit > 0.0 { limit / length.max(creep) } else { 0.0 };
+    let energy = match length < creep {
+        true => 0.5 * weight * length * length,
+        false => limit * (length - 0.5 * creep),
+    };
+    // The quadratic that touches the potential from above: a step never overshoots.
+    Friction { energy, force: slip * -weight, stiffness: weight }
+}
