@@ -10,6 +10,8 @@
 //! the dampers: their elongation rate is (‖s'‖ − ‖s‖)/h, and their force acts along the element as it is in the
 //! end, so that momentum and angular momentum know nothing of it. Pinned particles are where they will be.
 //!
+//! The two stages of TR-BDF2 are such steps too (`tr_bdf2.rs`).
+//!
 //! Each island is solved by itself, so that it moves to the bit as it would alone. Newton's method:
 //! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs are
 //! eliminated directly, `conjugate_gradient.rs` solves for the rest.
