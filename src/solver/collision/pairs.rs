@@ -241,7 +241,9 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
         let correction = correction * contact.reduced_mass;
         first.position += correction * first.inverse_mass;
         second.position -= correction * second.inverse_mass;
-        keep_angular_momentum(contact, distance, depth, [first, second]);
+        if contact.sprung {
+            keep_angular_momentum(contact, distance, depth, [first, second]);
+        }
     }
 }
 

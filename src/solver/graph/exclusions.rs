@@ -13,6 +13,17 @@ pub(in crate::solver) fn overlap_at_rest(rest_length: f64, reach: f32) -> bool {
     rest_length < f64::from((1.0 - MEASURING_ERROR) * reach)
 }
 
+/// The pinned slots that any element pulls at, in order.
+pub(in crate::solver) fn sprung_pinned(elements: &Elements, particles: &Particles) -> Vec<u32> {
+    let mut slots = Vec::new();
+    elements.for_each_acting(|Acting { ends, .. }| {
+        slots.extend(ends.iter().filter(|end| particles.is_pinned(**end as usize)));
+    });
+    slots.sort_unstable();
+    slots.dedup();
+    slots
+}
+
 /// Derived anew with each search for candidates: then a spring, a radius or a mass has changed.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Exclusions {

@@ -22,7 +22,7 @@ pub(super) use blocks::Blocks;
 pub(super) use colouring::Colouring;
 pub(super) use coupling::{Coupling, for_each_coupling};
 pub(super) use elimination::{Elimination, NodeRun};
-pub(super) use exclusions::{Exclusions, overlap_at_rest};
+pub(super) use exclusions::{Exclusions, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
 pub(super) use islands::{IslandSet, Islands, has_loops};
 pub(super) use neighbours::Neighbours;

@@ -107,6 +107,14 @@ impl Contact {
         0.5 * self.force * depth.max(0.0) + friction.energy
     }
 
+    /// The speed, at most, at which the forces `pull` on the nodes, N, press the two together within `h` seconds from
+    /// rest, m/s.
+    pub fn pressing_speed(&self, pull: &[DVec3], h: f64) -> f64 {
+        let other = if let Partner::Node { node, .. } = self.partner { pull[node] } else { DVec3::ZERO };
+        // Inertia is m/h².
+        (-(pull[self.node] - other).dot(self.normal) / (self.inertia * h)).max(0.0)
+    }
+
     /// Holds what has touched where it is, or sends it back by `rebound`.
     pub fn send_back(&self, stiffness: f64, sums: &mut Sums) {
         if self.force > 0.0 {

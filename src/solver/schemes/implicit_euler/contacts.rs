@@ -208,6 +208,12 @@ impl Contacts {
         !self.contacts.is_empty()
     }
 
+    /// Whether anything that was held might rebound.
+    pub fn may_rebound(&self) -> bool {
+        let may = |contact: &Contact| contact.force > 0.0 && contact.restitution * contact.approach > 0.0;
+        self.contacts.iter().any(may)
+    }
+
     /// Whether any contact held in the last linearisation.
     pub fn hold(&self) -> bool {
         self.contacts.iter().any(|contact| contact.force > 0.0)
@@ -294,11 +300,13 @@ impl Contacts {
     }
 
     /// Prepares the next linearisation for the rebound in a step of `h` seconds; whether anything rebounds: what would
-    /// do so faster than `resting_speed`, m/s.
-    pub fn begin_rebound(&mut self, position: &[DVec3], resting_speed: f64, h: f64) -> bool {
+    /// do so faster than `resting_speed`, m/s, and than what `pull` gives it in the step, the force of the elements on
+    /// each node at its start, N.
+    pub fn begin_rebound(&mut self, position: &[DVec3], pull: &[DVec3], resting_speed: f64, h: f64) -> bool {
         let mut any = false;
         for contact in self.contacts.iter_mut().filter(|contact| contact.force > 0.0) {
             let speed = contact.restitution * contact.approach;
+            let resting_speed = resting_speed + contact.pressing_speed(pull, h);
             // The step has brought it to the surface.
             let left = -contact.way(position).dot(contact.normal);
             contact.rebound = if speed > resting_speed { h * speed + left } else { 0.0 };

@@ -30,8 +30,8 @@ mod tr_bdf2;
 use bevy::math::{DVec3, Vec3};
 
 use crate::solver::collision::{ContactRecord, Obstacles, StiffPair, Surroundings};
-use crate::solver::elements::{Acting, Elements};
-use crate::solver::graph::{Elimination, IslandSet, Islands, overlap_at_rest};
+use crate::solver::elements::Elements;
+use crate::solver::graph::{Elimination, IslandSet, Islands, overlap_at_rest, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
@@ -111,12 +111,7 @@ impl ImplicitEuler {
         self.islands.clear();
         self.islands.extend(eliminations.into_iter().map(Island::new));
         self.clusters.reset(&self.islands, particles.len());
-        self.sprung.clear();
-        elements.for_each_acting(|Acting { ends, .. }| {
-            self.sprung.extend(ends.iter().filter(|end| particles.is_pinned(**end as usize)));
-        });
-        self.sprung.sort_unstable();
-        self.sprung.dedup();
+        self.sprung = sprung_pinned(elements, particles);
         let is_other = |slot: &u32| {
             let slot = *slot as usize;
             islands.of(slot).is_none()
@@ -264,7 +259,9 @@ impl Island {
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
-        let rebounds = system.contacts.begin_rebound(&system.position, resting_speed, h);
+        let pull = if system.contacts.may_rebound() { system.start_pull(elimination) } else { Vec::new() };
+        let System { contacts, position, .. } = &mut *system;
+        let rebounds = contacts.may_rebound() && contacts.begin_rebound(position, &pull, resting_speed, h);
         system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
         if rebounds {
             system.load = 0.0;

@@ -47,6 +47,12 @@ impl Linearised {
         0.5 * self.potential.stiffness * elongation * elongation
     }
 
+    /// The pull at the separation s, N.
+    fn force(&self, separation: DVec3) -> DVec3 {
+        let elongation = separation.length() - self.potential.rest_length;
+        separation.normalize_or_zero() * (-self.potential.stiffness * elongation)
+    }
+
     /// Linearises it at the separation s.
     ///
     /// The Hessian of its energy is k d dᵀ + (T/l) (I − d dᵀ) with the tension T and l = ‖s‖. A step that turns the
@@ -245,6 +251,24 @@ impl System {
             element.energy(combine(&compound.nodes, compound.weights, &self.position))
         });
         inertial.chain(pairs).chain(compounds).sum::<f64>() + self.contacts.energy(&self.position)
+    }
+
+    /// The forces of the elements on the nodes at the start of the step, N; dampers have none there.
+    pub fn start_pull(&self, elimination: &Elimination) -> Vec<DVec3> {
+        let mut pull = vec![DVec3::ZERO; self.start.len()];
+        for (element, &[first, second]) in self.elements.iter().zip(&elimination.ends) {
+            let [first, second] = [first as usize, second as usize];
+            let force = element.force(self.start[first] - self.start[second]);
+            pull[first] += force;
+            pull[second] -= force;
+        }
+        for (compound, element) in self.compounds.iter().zip(&self.elements[elimination.elements.len()..]) {
+            let force = element.force(combine(&compound.nodes, compound.weights, &self.start));
+            for (node, weight) in compound.nodes.ends().iter().zip(compound.weights) {
+                pull[*node as usize] += force * weight;
+            }
+        }
+        pull
     }
 
     fn linearise_core(&mut self, elimination: &Elimination) -> f64 {
