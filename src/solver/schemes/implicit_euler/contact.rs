@@ -27,6 +27,10 @@ pub(super) struct Contact {
     pub normal: DVec3,
     /// The normal force there, N, >= 0.
     pub force: f64,
+    /// How far it was beyond `allowed` there, m.
+    pub depth: f64,
+    /// The force of the solution before, N: see `contacts.rs`.
+    pub multiplier: f64,
     /// The normal force that friction goes by, N.
     pub lagged: f64,
     /// How far it is sent back in as long as the step takes, m.
@@ -84,27 +88,34 @@ impl Contact {
     /// Its energy at these positions, J; `stiffness` is K as a multiple of the inertia, `creep` in m.
     pub fn energy(&self, position: &[DVec3], stiffness: f64, creep: f64) -> f64 {
         let (gap, normal) = self.gap(position);
-        let depth = (self.allowed - gap).max(0.0);
+        let stiffness = stiffness * self.inertia;
+        let force = (self.multiplier + stiffness * (self.allowed - gap)).max(0.0);
         let friction = rub(self.slip(position, normal), self.friction * self.lagged, creep);
-        0.5 * stiffness * self.inertia * depth * depth + friction.energy
+        0.5 * force * force / stiffness + friction.energy
+    }
+
+    /// Finds the normal force at these positions; the normal.
+    pub fn press(&mut self, position: &[DVec3], stiffness: f64) -> DVec3 {
+        let (gap, normal) = self.gap(position);
+        self.depth = self.allowed - gap;
+        self.normal = normal;
+        self.force = (self.multiplier + stiffness * self.inertia * self.depth).max(0.0);
+        normal
     }
 
     /// Adds what it contributes at these positions; its energy in J.
     pub fn linearise(&mut self, position: &[DVec3], stiffness: f64, creep: f64, sums: &mut Sums) -> f64 {
-        let (gap, normal) = self.gap(position);
-        let depth = self.allowed - gap;
-        self.normal = normal;
+        let normal = self.press(position, stiffness);
         let stiffness = stiffness * self.inertia;
-        self.force = stiffness * depth.max(0.0);
         let limit = self.friction * self.lagged;
         let friction = rub(self.slip(position, normal), limit, creep);
         self.rubbing = friction.force;
-        if depth <= 0.0 && limit == 0.0 {
+        if self.force == 0.0 && limit == 0.0 {
             return 0.0;
         }
-        let along = if depth > 0.0 { stiffness } else { 0.0 };
+        let along = if self.force > 0.0 { stiffness } else { 0.0 };
         self.add(normal * self.force + self.rubbing, [along, friction.stiffness], sums);
-        0.5 * self.force * depth.max(0.0) + friction.energy
+        0.5 * self.force * self.force / stiffness + friction.energy
     }
 
     /// The speed, at most, at which the forces `pull` on the nodes, N, press the two together within `h` seconds from

@@ -5,7 +5,8 @@
 //! Newton's method finds like every other minimum (a semi-smooth Newton method: Hintermüller, Ito and Kunisch,
 //! *SIAM J. Optim.* 13, 865, 2002). K begins at [`STIFFENING`] times the inertia of the particle, and grows until
 //! nothing enters an obstacle by more than [`SOFTNESS`] of the longest way of the step: a continuation, as the active
-//! set is found in fewer steps from a softer one. The other particles of the island know of the contact within the
+//! set is found in fewer steps from a softer one; and each solution adds the force of the one before, so that little
+//! depth is left (the augmented Lagrangian: Hestenes, *J. Optim. Theory Appl.* 4, 303, 1969). The other particles of the island know of the contact within the
 //! same step, so that no spring is compressed by it.
 //! A barrier (Li et al., *Incremental potential contact*, 2020) would have to be resolved by many more Newton
 //! steps, and would push from a distance.
@@ -29,14 +30,14 @@ use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
 
 /// What may be left of a way into an obstacle, as a part of the longest way of the step.
-const SOFTNESS: f64 = 1e-3;
+const SOFTNESS: f64 = 1e-4;
 
 /// K at first, as a multiple of the inertia m/h² + ν/h of the particle; and by what it grows.
 const STIFFENING: f64 = 1e3;
 const GROWTH: f64 = 30.0;
 
 /// Number of solutions of a step in search of its contacts, at most.
-const MAX_PASSES: usize = 4;
+const MAX_PASSES: usize = 5;
 
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
 const RECOVERY_SPEED: f64 = 0.1;
@@ -156,6 +157,8 @@ impl Contacts {
                     force: 0.0,
                     lagged: 0.0,
                     rebound: 0.0,
+                    depth: 0.0,
+                    multiplier: 0.0,
                     rubbing: DVec3::ZERO,
                     restitution: obstacle.restitution,
                     friction: obstacle.friction,
@@ -185,6 +188,8 @@ impl Contacts {
                 force: 0.0,
                 lagged: 0.0,
                 rebound: 0.0,
+                depth: 0.0,
+                multiplier: 0.0,
                 rubbing: DVec3::ZERO,
                 restitution: f64::from(rules.restitution),
                 friction: f64::from(rules.friction),
@@ -258,16 +263,22 @@ impl Contacts {
 
     /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with
     /// the friction that follows from this one, or if it has not come close enough.
-    pub fn refine(&mut self, is_solved: bool) -> bool {
+    pub fn refine(&mut self, position: &[DVec3], is_solved: bool) -> bool {
         self.passes += 1;
+        for contact in &mut self.contacts {
+            contact.press(position, self.stiffness);
+        }
         let mut rubs = false;
         let mut deepest = 0.0_f64;
         for contact in self.contacts.iter_mut().filter(|contact| contact.force > 0.0) {
             rubs |= contact.friction > 0.0;
-            deepest = deepest.max(contact.force / (self.stiffness * contact.inertia));
+            deepest = deepest.max(contact.depth.abs());
         }
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
+            if is_solved {
+                contact.multiplier = contact.force;
+            }
         }
         let is_deep = deepest > self.max_depth;
         if is_deep {

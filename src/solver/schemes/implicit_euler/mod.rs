@@ -233,7 +233,7 @@ impl Island {
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
-                if !system.contacts.refine(is_solved) {
+                if !system.contacts.refine(&system.position, is_solved) {
                     break;
                 }
             }
@@ -342,6 +342,22 @@ impl Island {
             let rebound = if rebounds { *step } else { DVec3::ZERO };
             let velocity = (position - particles.position.get(slot).as_dvec3() + rebound) / h;
             write(particles, acceleration, slot, [position, velocity], h);
+        }
+        if !rebounds {
+            self.rest(particles);
+        }
+    }
+}
+
+impl Island {
+    /// Stops what is held and has moved by less than the rounding of its position.
+    fn rest(&self, particles: &mut Particles) {
+        let System { start, contacts, .. } = &self.system;
+        for node in contacts.held_nodes() {
+            let slot = self.elimination.slots[node] as usize;
+            if particles.position.get(slot) == start[node].as_vec3() {
+                particles.velocity.set(slot, Vec3::ZERO);
+            }
         }
     }
 }
