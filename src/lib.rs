@@ -83,7 +83,7 @@ pub mod prelude {
     pub use crate::report::{ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
-    pub use crate::settings::{Integrator, OrphanedSprings, SolverSettings, SubstepMode};
+    pub use crate::settings::{Dimensions, Integrator, OrphanedSprings, SolverSettings, SubstepMode};
     pub use crate::snapshot::{
         MassSpringState, RestoreInitialState, Snapshot, SnapshotError, TakeInitialState,
     };

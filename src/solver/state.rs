@@ -50,6 +50,8 @@ mod serialization {
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct State {
+    /// The point of the world from which positions are measured, m: zero unless the particles are far from there.
+    pub(crate) origin: Vec3,
     pub(crate) particles: Particles,
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
@@ -84,6 +86,15 @@ impl State {
     pub(crate) fn forget_contacts(&mut self) {
         self.contacts.forget();
         self.pulls.clear();
+    }
+
+    /// Measures positions from `origin` from now on.
+    pub(crate) fn move_origin(&mut self, origin: Vec3) {
+        let shift = origin - std::mem::replace(&mut self.origin, origin);
+        for (axis, shift) in self.particles.position.axes_mut().into_iter().zip(shift.to_array()) {
+            axis.iter_mut().for_each(|coordinate| *coordinate -= shift);
+        }
+        self.contacts.request_search();
     }
 
     /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg (0: pinned), radius in m.

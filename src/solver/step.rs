@@ -1,7 +1,7 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
-use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
@@ -23,6 +23,7 @@ pub struct Inputs {
 pub(crate) struct Caches {
     planner: Planner,
     neighbours: Neighbours,
+    nets: Nets,
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
@@ -101,6 +102,12 @@ impl Caches {
     /// The springs that end in a particle.
     pub fn springs_at(&self, state: &State, slot: usize) -> Vec<usize> {
         self.blocks.springs_at(&state.elements, slot)
+    }
+
+    /// What elements join, through pinned particles, too.
+    pub fn nets(&mut self, state: &State) -> &Nets {
+        self.nets.refresh(&state.elements, state.particles.len());
+        &self.nets
     }
 
     /// The particles in a better order, if theirs is bad: the present slot of each place.

@@ -17,12 +17,15 @@ mod gather;
 mod hierarchy;
 mod planes;
 mod registry;
+mod rigid;
 mod run;
 mod scatter;
 mod slots;
 mod snapshot;
 mod springs;
 mod state;
+mod teleport;
+mod view;
 
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::intern::Interned;
@@ -31,6 +34,7 @@ use bevy::prelude::*;
 
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
+use crate::solver::particles::Vectors;
 use crate::solver::{Caches, Inputs, Outputs, Version};
 use crate::spring::Spring;
 
@@ -47,6 +51,10 @@ pub(crate) struct Simulation {
     outputs: Outputs,
     /// Slots that have no past: a pinned particle there did not move to where it is.
     fresh: Vec<bool>,
+    /// Positions before the solver's origin was moved in this tick; empty if it was not.
+    unshifted: Vectors,
+    /// How far it was moved then, m.
+    shift: Vec3,
     /// The version of the state that the slots of the entities belong to.
     version: Version,
 }
