@@ -56,6 +56,7 @@ pub mod snapshot;
 pub mod solver;
 pub mod spring;
 mod sync;
+pub mod teleport;
 pub mod time_control;
 
 #[cfg(feature = "interpolation")]
@@ -88,6 +89,7 @@ pub mod prelude {
         MassSpringState, RestoreInitialState, Snapshot, SnapshotError, TakeInitialState,
     };
     pub use crate::spring::Spring;
+    pub use crate::teleport::Teleport;
     pub use crate::time_control::{SingleStep, SingleStepPlugin};
     pub use crate::{MassSpringPlugin, MassSpringPlugins, MassSpringSystems};
 }

@@ -160,7 +160,7 @@ impl Caches {
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, contacts, pulls } = state;
+        let State { particles, elements, contacts, pulls, .. } = state;
         let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         let position = (plan.stiff_substeps > 0).then(|| {

@@ -17,6 +17,7 @@ mod gather;
 mod hierarchy;
 mod planes;
 mod registry;
+mod relocate;
 mod rigid;
 mod run;
 mod scatter;
@@ -39,6 +40,7 @@ use crate::solver::{Caches, Inputs, Outputs, Version};
 use crate::spring::Spring;
 
 use registry::Slot;
+pub(crate) use relocate::{Scope, relocate};
 pub use snapshot::{Snapshot, SnapshotError};
 pub(crate) use snapshot::{restore_initial_state, take_initial_state};
 pub use state::MassSpringState;

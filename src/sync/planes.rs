@@ -119,7 +119,7 @@ pub(super) fn gather_planes(
 pub(super) struct GatheredPlanes(pub Vec<Entity>);
 
 /// A plane's pose: the image of +Y is the normal, whatever the scale.
-fn pose_of(frame: &Affine3A) -> Option<Pose> {
+pub(super) fn pose_of(frame: &Affine3A) -> Option<Pose> {
     let (_, rotation, point) = frame.to_scale_rotation_translation();
     (point.is_finite() && rotation.is_finite()).then_some(Pose { point, rotation })
 }

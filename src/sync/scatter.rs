@@ -138,7 +138,8 @@ fn move_child(
     transforms: &mut Query<&mut Transform, Allow<Disabled>>,
 ) {
     let Ok(&ChildOf(parent)) = parents.get(entity) else { return };
-    let (frame, _) = world_transform(parent, parents, |entity| transforms.get(entity).ok());
+    let parent_of = |entity| parents.get(entity).ok().map(ChildOf::parent);
+    let (frame, _) = world_transform(parent, parent_of, |entity| transforms.get(entity).ok());
     let Ok(mut transform) = transforms.get_mut(entity) else { return };
     let local = view.solver_to_child(&view.frame_to_solver(frame), position, transform.translation);
     if transform.translation != local && local.is_finite() {

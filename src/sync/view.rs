@@ -12,11 +12,11 @@ use crate::solver::{Plane, Pose};
 
 use super::hierarchy::{to_local, to_world};
 
-/// How far the particles may be from the solver's origin along an axis, m: f32 is 8 µm fine there.
-const REACH: f32 = 128.0;
+/// How far the particles may be from the solver's origin along an axis, m: f32 is 2 µm fine there.
+const REACH: f32 = 32.0;
 
 /// Origins are multiples of this, m, so that sums and differences with them are exact wherever f32 can hold them.
-const ORIGIN_STEP: f32 = 64.0;
+const ORIGIN_STEP: f32 = 16.0;
 
 /// The least sine of the angle between a plane's normal and the axis of depth, in two dimensions.
 const MIN_SLOPE: f32 = 1e-3;
@@ -149,13 +149,13 @@ mod tests {
 
     #[test]
     fn the_origin_follows_the_median_and_stays_while_that_is_near() {
-        let near = [Vec3::X * 100.0, Vec3::Y * -128.0, Vec3::ONE];
+        let near = [Vec3::X * 30.0, Vec3::Y * -32.0, Vec3::ONE];
         assert_eq!(choose_origin(Vec3::ZERO, near.into_iter()), Vec3::ZERO);
         let far = Vec3::new(1e5, 3.0, -700.0);
         let astray = [far, far + Vec3::ONE, Vec3::splat(-1e9), Vec3::NAN, far - Vec3::ONE];
         let origin = choose_origin(Vec3::ZERO, astray.into_iter());
-        assert_eq!(origin, Vec3::new(1e5_f32 / 64.0, 0.0, -11.0).map(f32::round) * 64.0);
-        assert_eq!(choose_origin(origin, [far + Vec3::X * 100.0].into_iter()), origin);
+        assert_eq!(origin, Vec3::new(1e5, 0.0, -704.0));
+        assert_eq!(choose_origin(origin, [far + Vec3::X * 30.0].into_iter()), origin);
         assert_eq!(choose_origin(origin, [Vec3::ONE].into_iter()), Vec3::ZERO);
         assert_eq!(choose_origin(origin, std::iter::empty()), origin);
     }
@@ -204,7 +204,7 @@ mod tests {
     fn a_plane_is_given_by_the_point_next_to_the_origin() {
         let rotation = Quat::from_rotation_z(FRAC_PI_6);
         let along = rotation * Vec3::X * 1e5;
-        let origin = (along / 64.0).round() * 64.0;
+        let origin = (along / 16.0).round() * 16.0;
         let pose = Pose { point: Vec3::ZERO, rotation };
         let moved = Pose { point: rotation * Vec3::Y * 0.5, rotation };
         let plane = Plane { start: pose, target: moved, restitution: 0.0, friction: 0.0 };
