@@ -112,8 +112,11 @@ impl View {
     }
 }
 
-/// The origin for particles at these places of the world, of which there are at most [`SAMPLE`]: the present one as
-/// long as their median is near it, so that single particles that have gone astray do not matter.
+/// The origin for particles at these places of the world, of which there are at most [`SAMPLE`].
+///
+/// It is the present one as long as their median is near it: single particles that have gone astray do not matter. It
+/// moves only where most particles gain by it, being much nearer to their median than that is to the present origin: it
+/// does not follow a net that explodes.
 pub(super) fn choose_origin(present: Vec3, places: impl Iterator<Item = Vec3>) -> Vec3 {
     let mut axes = [[0.0_f32; SAMPLE]; 3];
     let mut count = 0;
@@ -129,7 +132,9 @@ pub(super) fn choose_origin(present: Vec3, places: impl Iterator<Item = Vec3>) -
         let axis = &mut axis[..count];
         axis.sort_unstable_by(f32::total_cmp);
         let median = axis[count / 2];
-        if (median - *origin).abs() > REACH {
+        let distance = (median - *origin).abs();
+        let is_near = |coordinate: &&f32| (**coordinate - median).abs() <= (distance / 64.0).max(REACH);
+        if distance > REACH && 2 * axis.iter().filter(is_near).count() > count {
             let rounded = (median / ORIGIN_STEP).round() * ORIGIN_STEP;
             *origin = if median.abs() <= REACH { 0.0 } else { rounded };
         }
@@ -158,6 +163,8 @@ mod tests {
         assert_eq!(choose_origin(origin, [far + Vec3::X * 30.0].into_iter()), origin);
         assert_eq!(choose_origin(origin, [Vec3::ONE].into_iter()), Vec3::ZERO);
         assert_eq!(choose_origin(origin, std::iter::empty()), origin);
+        let exploding = [-1e6, 3e5, 2e5, -4e4].map(|x| Vec3::X * x);
+        assert_eq!(choose_origin(Vec3::ZERO, exploding.into_iter()), Vec3::ZERO);
     }
 
     #[test]
