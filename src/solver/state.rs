@@ -131,6 +131,18 @@ impl State {
         self.contacts.forget_particle(slot);
     }
 
+    /// Puts a particle somewhere else together with all that elements join to it, without a motion from where they
+    /// were; `turn` turns vectors as the whole has turned.
+    pub(crate) fn carry(&mut self, slot: usize, position: Vec3, turn: impl FnOnce(Vec3) -> Vec3) {
+        self.particles.position.set(slot, position);
+        self.pulls.turn(slot, turn);
+    }
+
+    /// Takes note that an element at a particle is longer or shorter than the last tick left it.
+    pub(crate) fn strain(&mut self, slot: usize) {
+        self.pulls.forget(slot);
+    }
+
     /// Appends a spring between the slots `ends`, which differ; its index.
     pub(crate) fn add_spring(&mut self, ends: [usize; 2], spring: Spring) -> usize {
         self.contacts.request_search();

@@ -142,6 +142,9 @@ fn move_particles(
     round_nets(state, &mut world.resource_mut::<Simulation>(), &mut travellers);
     move_origin(state, &travellers);
     let view = View::new(state.solver.origin, dimensions);
+    if forgets_contacts {
+        strain_nets(state, &mut world.resource_mut::<Simulation>(), &travellers);
+    }
     for traveller in &travellers {
         arrive(world, state, traveller, motion, view, forgets_contacts);
     }
@@ -159,6 +162,15 @@ fn round_nets(state: &MassSpringState, simulation: &mut Simulation, travellers: 
         let place = travellers[first].place;
         let rounding = place.as_vec3().as_dvec3() - place;
         numbers().for_each(|number| travellers[number].place += rounding);
+    }
+}
+
+/// Takes note that springs are longer or shorter where only a part of a net is moved.
+fn strain_nets(state: &mut MassSpringState, simulation: &mut Simulation, travellers: &[Traveller]) {
+    let slots: Vec<u32> = travellers.iter().filter_map(|traveller| Some(traveller.slot? as u32)).collect();
+    let nets = simulation.caches.nets(&state.solver).all();
+    for slot in nets.filter(|net| slots.iter().any(|slot| net.contains(slot))).flatten() {
+        state.solver.strain(*slot as usize);
     }
 }
 
@@ -207,10 +219,10 @@ fn arrive(
         true => view.child_to_solver(&seen, translation),
         false => position,
     };
-    if forgets_contacts {
-        state.solver.teleport(slot, position);
+    match forgets_contacts {
+        true => state.solver.teleport(slot, position),
+        false => state.solver.carry(slot, position, |vector| motion.turn(vector)),
     }
-    state.solver.particles.position.set(slot, position);
     if let Some(velocity) = velocity {
         state.solver.particles.velocity.set(slot, velocity);
     }

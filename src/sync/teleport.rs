@@ -8,8 +8,7 @@
 use bevy::math::DVec3;
 use bevy::prelude::*;
 
-use crate::solver::particles::Particles;
-use crate::solver::{PinnedMotion, Pose};
+use crate::solver::{self, PinnedMotion, Pose};
 
 use super::Simulation;
 use super::easing::Easing;
@@ -51,11 +50,11 @@ pub(super) fn settle(
     let nets = caches.nets(&state.solver);
     for net in nets.all() {
         if let Some(motion) = teleports.motion_of(net) {
-            teleports.carry_out(&motion, net, &mut state.solver.particles, &mut inputs.pinned);
+            teleports.carry_out(&motion, net, &mut state.solver, &mut inputs.pinned);
         }
     }
     if let Some(motion) = &motion_of_all {
-        teleports.carry_out(motion, &all, &mut state.solver.particles, &mut inputs.pinned);
+        teleports.carry_out(motion, &all, &mut state.solver, &mut inputs.pinned);
     }
     for (slot, entity) in state.particles.slots.iter().enumerate() {
         if teleports.slots[slot].is_done {
@@ -68,6 +67,7 @@ pub(super) fn settle(
             state.solver.teleport(slot, position);
         }
         state.solver.particles.position.set(slot, position);
+        state.solver.strain(slot);
     }
     motion_of_all
 }
@@ -180,7 +180,7 @@ impl Teleports {
         &mut self,
         motion: &RigidMotion,
         slots: &[u32],
-        particles: &mut Particles,
+        solver: &mut solver::State,
         pinned: &mut [PinnedMotion],
     ) {
         for slot in slots.iter().map(|slot| *slot as usize) {
@@ -188,9 +188,10 @@ impl Teleports {
             let carried = motion.apply(before);
             match kind {
                 Kind::Free if !is_done => {
-                    particles.position.set(slot, carried.as_vec3());
+                    solver.carry(slot, carried.as_vec3(), |vector| motion.turn(vector));
                     if !keeps_velocity {
-                        particles.velocity.set(slot, motion.turn(particles.velocity.get(slot)));
+                        let velocity = &mut solver.particles.velocity;
+                        velocity.set(slot, motion.turn(velocity.get(slot)));
                     }
                     self.slots[slot].is_done = true;
                 }

@@ -33,5 +33,5 @@ mod second_order;
 mod snapshots;
 mod stage;
 mod stiff_contacts;
-mod turning;
 mod teleports;
+mod turning;
