@@ -97,13 +97,14 @@ impl View {
             return plane;
         }
         let Plane { start, target, .. } = plane;
-        let normal = (start.rotation.as_dquat() * DVec3::Y).normalize();
+        let [rotation, turned] = [start, target].map(|pose| pose.rotation.as_dquat().normalize());
+        let normal = rotation * DVec3::Y;
         let origin = self.origin.as_dvec3();
         let from = start.point.as_dvec3() - origin;
         let foot = normal * from.dot(normal);
         // The same point of the body at the end of the tick.
-        let arm = start.rotation.as_dquat().inverse() * (foot - from);
-        let arrived = target.point.as_dvec3() - origin + target.rotation.as_dquat() * arm;
+        let arm = rotation.inverse() * (foot - from);
+        let arrived = target.point.as_dvec3() - origin + turned * arm;
         Plane {
             start: Pose { point: foot.as_vec3(), ..start },
             target: Pose { point: if start == target { foot } else { arrived }.as_vec3(), ..target },
