@@ -11,6 +11,7 @@ use bevy::transform::TransformSystems;
 
 use crate::collider::PlaneCollider;
 use crate::particle::{Particle, Pinned};
+use crate::settings::Dimensions;
 use crate::spring::Spring;
 
 /// Draws the simulation with gizmos, as [`MassSpringGizmos`] says.
@@ -139,6 +140,7 @@ fn draw_springs(
     mut gizmos: Gizmos<MassSpringGizmos>,
     springs: Query<&Spring>,
     particles: Query<&GlobalTransform, With<Particle>>,
+    dimensions: Option<Res<Dimensions>>,
 ) {
     if !gizmos.config_ext.springs {
         return;
@@ -146,7 +148,11 @@ fn draw_springs(
     for spring in &springs {
         if let Ok([first, second]) = particles.get_many(spring.particles) {
             let (first, second) = (first.translation(), second.translation());
-            let color = gizmos.config_ext.spring_color(spring, first.distance(second));
+            let length = match dimensions.as_deref() {
+                Some(Dimensions::Two) => first.truncate().distance(second.truncate()),
+                _ => first.distance(second),
+            };
+            let color = gizmos.config_ext.spring_color(spring, length);
             gizmos.line(first, second, color);
         }
     }

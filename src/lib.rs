@@ -56,6 +56,7 @@ pub mod snapshot;
 pub mod solver;
 pub mod spring;
 mod sync;
+pub mod teleport;
 pub mod time_control;
 
 #[cfg(feature = "interpolation")]
@@ -83,11 +84,12 @@ pub mod prelude {
     pub use crate::report::{ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
-    pub use crate::settings::{Integrator, OrphanedSprings, SolverSettings, SubstepMode};
+    pub use crate::settings::{Dimensions, Integrator, OrphanedSprings, SolverSettings, SubstepMode};
     pub use crate::snapshot::{
         MassSpringState, RestoreInitialState, Snapshot, SnapshotError, TakeInitialState,
     };
     pub use crate::spring::Spring;
+    pub use crate::teleport::Teleport;
     pub use crate::time_control::{SingleStep, SingleStepPlugin};
     pub use crate::{MassSpringPlugin, MassSpringPlugins, MassSpringSystems};
 }

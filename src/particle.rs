@@ -9,6 +9,11 @@ use crate::parameter::{self, InvalidParameter};
 /// Its position is the entity's [`Transform`] (in world space, seen through the parents if it has
 /// any); its velocity is [`ParticleVelocity`]. Add [`Pinned`] to fix it, [`AppliedForce`] to push it.
 ///
+/// A child is carried along when its parent moves: it is elsewhere then, and neither its velocity nor that of what it
+/// is tied to changes ([`Teleport`](crate::Teleport) says when a whole net is carried rigidly). So hair that is to
+/// have inertia hangs by its [`Pinned`] roots only: these are children of the head, and the free particles have no
+/// parent.
+///
 /// A particle with a bad value (see the fields) is left out of the simulation, with one warning that
 /// names it, until the value is corrected.
 #[derive(Component, Reflect, Debug, Clone, Copy, PartialEq)]
@@ -59,7 +64,8 @@ pub struct ParticleVelocity(pub Vec3);
 /// Gives a particle infinite mass: no force and no contact moves it.
 ///
 /// It moves with its [`Transform`] and those of its parents, and drags along what is tied to it: the motion since
-/// the last tick is spread evenly over the substeps, and springs, dampers and contacts see its velocity.
+/// the last tick is spread evenly over the substeps, and springs, dampers and contacts see its velocity. Where all that
+/// hangs from it was moved alike, it has not moved but is elsewhere: see [`Teleport`](crate::Teleport).
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]

@@ -9,7 +9,7 @@ use crate::environment::Environment;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::report::{ParticleFault, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
-use crate::settings::{OrphanedSprings, SolverSettings};
+use crate::settings::{Dimensions, OrphanedSprings, SolverSettings};
 use crate::spring::Spring;
 use crate::sync;
 use crate::time_control::SingleStepPlugin;
@@ -81,6 +81,7 @@ impl Plugin for MassSpringPlugin {
             .init_resource::<Environment>()
             .init_resource::<SolverSettings>()
             .init_resource::<CollisionSettings>()
+            .init_resource::<Dimensions>()
             .init_resource::<OrphanedSprings>()
             .init_resource::<TickReport>()
             .add_message::<ParticleFault>()
@@ -110,7 +111,7 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, PlaneCollider)>()
-        .register_type::<(Environment, SolverSettings, OrphanedSprings, CollisionSettings)>()
+        .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(TickReport, SpringForces, SimulationOrder)>()
         .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -11,6 +11,7 @@ use super::picking::sees;
 use super::{DragAnchor, ParticleDrag, ParticleDragSettings};
 use crate::environment::Environment;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::settings::Dimensions;
 
 /// The particle in the pointer's grip, if any.
 #[derive(Resource, Default)]
@@ -21,7 +22,8 @@ struct Held {
     pointer: PointerId,
     button: PointerButton,
     camera: Entity,
-    /// The plane through the particle that faced the camera when it was grabbed.
+    /// The plane through the particle in which it is dragged: the one that faced the camera when it was grabbed, or in two
+    /// dimensions its layer.
     plane: (Vec3, InfinitePlane3d),
     /// From the pointer to the particle's centre, in that plane, m.
     offset: Vec3,
@@ -54,7 +56,7 @@ type Particles<'w, 's> = Query<
 pub(super) fn follow_presses(
     (mut inputs, mut focus): (MessageReader<PointerInput>, MessageReader<WindowFocused>),
     keys: Res<ButtonInput<KeyCode>>,
-    settings: Res<ParticleDragSettings>,
+    (settings, dimensions): (Res<ParticleDragSettings>, Res<Dimensions>),
     (hover, rays): (Res<HoverMap>, Res<RayMap>),
     cameras: Query<(&Camera, &GlobalTransform, Option<&RenderLayers>)>,
     particles: Particles,
@@ -78,7 +80,11 @@ pub(super) fn follow_presses(
                     let center = particles.get(particle).ok()?.1.translation();
                     let (_, camera_transform, _) = cameras.get(camera).ok()?;
                     let ray = ray_of(&rays, camera, pointer)?;
-                    let plane = (center, InfinitePlane3d::new(camera_transform.back()));
+                    let normal = match *dimensions {
+                        Dimensions::Two => Dir3::Z,
+                        Dimensions::Three => camera_transform.back(),
+                    };
+                    let plane = (center, InfinitePlane3d::new(normal));
                     let point = ray.plane_intersection_point(plane.0, plane.1)?;
                     let offset = center - point;
                     let held = Held {
@@ -206,7 +212,7 @@ pub(super) fn move_target(
 /// Moves a pinned particle to the target; a free one too while time is paused, when no force acts.
 pub(super) fn place_particle(
     drag: Res<ParticleDrag>,
-    time: Res<Time<Virtual>>,
+    (time, dimensions): (Res<Time<Virtual>>, Res<Dimensions>),
     mut particles: Query<(&mut Transform, Option<&ChildOf>, Has<Pinned>), With<Particle>>,
     parents: Query<&GlobalTransform>,
 ) {
@@ -218,6 +224,10 @@ pub(super) fn place_particle(
     let local = match parent.and_then(|parent| parents.get(parent.parent()).ok()) {
         Some(parent) => parent.affine().inverse().transform_point3(target),
         None => target,
+    };
+    let local = match *dimensions {
+        Dimensions::Two => local.with_z(transform.translation.z),
+        Dimensions::Three => local,
     };
     if local.is_finite() && transform.translation != local {
         transform.translation = local;

@@ -17,7 +17,7 @@ use crate::schedule::{MassSpringSystems, simulation_schedule};
 /// Lets the pointer drag particles.
 ///
 /// The left button drags any particle: a [`Pinned`](crate::particle::Pinned) one follows the pointer
-/// in the plane through it that faces the camera, a free one is pulled towards it by a force in
+/// in the plane through it that faces the camera (in [two dimensions](crate::Dimensions), in its layer), a free one is pulled towards it by a force in
 /// proportion to its mass (see [`ParticleDragSettings`]). While `Time<Virtual>` is paused a free one
 /// follows too, since no force acts then. Ctrl with the middle or right button, anywhere in the scene,
 /// drags the anchor: the particle marked with [`DragAnchor`], else the pinned one that is nearest to

@@ -56,7 +56,7 @@ fn add_particles(state: &State, gravity: DVec3, measurements: &mut Measurements)
     let particles = &state.particles;
     for slot in (0..particles.len()).filter(|slot| !particles.is_pinned(*slot)) {
         let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-        let position = particles.position.get(slot).as_dvec3();
+        let position = state.origin.as_dvec3() + particles.position.get(slot).as_dvec3();
         let velocity = particles.velocity.get(slot).as_dvec3();
         measurements.kinetic_energy += 0.5 * mass * velocity.length_squared();
         measurements.gravitational_energy -= mass * gravity.dot(position);

@@ -63,6 +63,13 @@ impl Pulls {
         self.know(slot, Knowledge::Nothing);
     }
 
+    /// What pulls at the particle in `slot` has turned.
+    pub fn turn(&mut self, slot: usize, turn: impl FnOnce(Vec3) -> Vec3) {
+        if slot < self.acceleration.len() {
+            self.acceleration.set(slot, turn(self.acceleration.get(slot)));
+        }
+    }
+
     /// The particle in `slot` touches something.
     pub fn touch(&mut self, slot: usize) {
         self.know(slot, Knowledge::Touching);

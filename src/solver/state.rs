@@ -50,6 +50,8 @@ mod serialization {
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct State {
+    /// The point of the world from which positions are measured, m: zero unless the particles are far from there.
+    pub(crate) origin: Vec3,
     pub(crate) particles: Particles,
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
@@ -86,6 +88,15 @@ impl State {
         self.pulls.clear();
     }
 
+    /// Measures positions from `origin` from now on.
+    pub(crate) fn move_origin(&mut self, origin: Vec3) {
+        let shift = origin - std::mem::replace(&mut self.origin, origin);
+        for (axis, shift) in self.particles.position.axes_mut().into_iter().zip(shift.to_array()) {
+            axis.iter_mut().for_each(|coordinate| *coordinate -= shift);
+        }
+        self.contacts.request_search();
+    }
+
     /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg (0: pinned), radius in m.
     pub(crate) fn add_particle(&mut self, position: Vec3, velocity: Vec3, inverse_mass: f32, radius: f32) {
         self.particles.push(position, velocity, inverse_mass, radius);
@@ -118,6 +129,18 @@ impl State {
         self.particles.position.set(slot, position);
         self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
+    }
+
+    /// Puts a particle somewhere else together with all that elements join to it, without a motion from where they
+    /// were; `turn` turns vectors as the whole has turned.
+    pub(crate) fn carry(&mut self, slot: usize, position: Vec3, turn: impl FnOnce(Vec3) -> Vec3) {
+        self.particles.position.set(slot, position);
+        self.pulls.turn(slot, turn);
+    }
+
+    /// Takes note that an element at a particle is longer or shorter than the last tick left it.
+    pub(crate) fn strain(&mut self, slot: usize) {
+        self.pulls.forget(slot);
     }
 
     /// Appends a spring between the slots `ends`, which differ; its index.

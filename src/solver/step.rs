@@ -1,7 +1,7 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
-use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, better_order};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
@@ -23,6 +23,7 @@ pub struct Inputs {
 pub(crate) struct Caches {
     planner: Planner,
     neighbours: Neighbours,
+    nets: Nets,
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
@@ -103,6 +104,12 @@ impl Caches {
         self.blocks.springs_at(&state.elements, slot)
     }
 
+    /// What elements join, through pinned particles, too.
+    pub fn nets(&mut self, state: &State) -> &Nets {
+        self.nets.refresh(&state.elements, state.particles.len());
+        &self.nets
+    }
+
     /// The particles in a better order, if theirs is bad: the present slot of each place.
     pub fn better_order(&mut self, state: &State) -> Option<Vec<u32>> {
         let islands = self.planner.refresh_islands(&state.elements, &state.particles);
@@ -153,7 +160,7 @@ impl Caches {
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, contacts, pulls } = state;
+        let State { particles, elements, contacts, pulls, .. } = state;
         let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         let position = (plan.stiff_substeps > 0).then(|| {

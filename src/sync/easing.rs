@@ -1,14 +1,30 @@
 //! What interpolation does to a `Transform` between ticks, seen through; nothing without the feature.
 
 #[cfg(feature = "interpolation")]
-pub(super) use eased::{exact_translation, reset};
+pub(super) use eased::{Easing, exact_translation, reset};
 #[cfg(not(feature = "interpolation"))]
-pub(super) use exact::{exact_translation, reset};
+pub(super) use exact::{Easing, exact_translation, reset};
 
 #[cfg(feature = "interpolation")]
 mod eased {
+    use bevy::ecs::system::SystemParam;
     use bevy::prelude::*;
     use bevy_transform_interpolation::{LastEasingTick, TranslationEasingState};
+
+    /// The eased entities, in a tick.
+    #[derive(SystemParam)]
+    pub struct Easing<'w, 's> {
+        states: Query<'w, 's, (&'static Transform, &'static mut TranslationEasingState)>,
+    }
+
+    impl Easing<'_, '_> {
+        /// Eases the entity from where it is now, not from where it was at the start of the tick.
+        pub fn restart(&mut self, entity: Entity) {
+            if let Ok((transform, mut state)) = self.states.get_mut(entity) {
+                state.start = Some(transform.translation);
+            }
+        }
+    }
 
     /// The translation from which the next tick will start, in whatever frame between two ticks.
     ///
@@ -40,7 +56,19 @@ mod eased {
 
 #[cfg(not(feature = "interpolation"))]
 mod exact {
+    use std::marker::PhantomData;
+
+    use bevy::ecs::system::SystemParam;
     use bevy::prelude::*;
+
+    #[derive(SystemParam)]
+    pub struct Easing<'w, 's> {
+        marker: PhantomData<(&'w (), &'s ())>,
+    }
+
+    impl Easing<'_, '_> {
+        pub fn restart(&mut self, _entity: Entity) {}
+    }
 
     pub fn exact_translation(_world: &World, entity: EntityRef) -> Option<Vec3> {
         Some(entity.get::<Transform>()?.translation)

@@ -10,16 +10,20 @@ use bevy::prelude::*;
 use crate::collider::PlaneCollider;
 use crate::parameter;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned};
+use crate::settings::Dimensions;
 use crate::solver::particles::{self, set, split_off};
 use crate::solver::{PinnedMotion, parallel};
 
 use super::Simulation;
-use super::hierarchy::{Hierarchy, to_world};
-use super::planes::{GatheredPlanes, gather_planes};
+use super::easing::Easing;
+use super::hierarchy::Hierarchy;
+use super::planes::{GatheredPlanes, Motions, gather_planes};
 use super::registry::Slot;
 use super::slots::{self, Bookkeeping, Candidates};
 use super::springs::{self, SpringQueries};
 use super::state::{MassSpringState, Warnings};
+use super::teleport::{self, Moved};
+use super::view::{SAMPLE, View, choose_origin};
 
 /// What this tick found out about single particles.
 #[derive(Resource, Default)]
@@ -28,6 +32,8 @@ pub(super) struct Gathered {
     pub start: Option<Instant>,
     /// Particles with a parent: (number of ancestors, slot, entity).
     pub parented: Vec<(usize, usize, Entity)>,
+    /// Free particles that were moved since the last tick.
+    moved: Vec<Moved>,
     /// Slots whose position or velocity came in non-finite.
     pub faults: Vec<usize>,
     /// Particles whose applied force is not finite, in the last tick and in this one.
@@ -47,6 +53,13 @@ type ParticleData = (
     Has<Pinned>,
 );
 
+/// A particle and its position, as the solver sees it.
+struct Seen {
+    position: Vec3,
+    /// Whether its `Transform` is what the last tick wrote.
+    is_unmoved: bool,
+}
+
 /// The particles without and with a parent.
 #[derive(SystemParam)]
 pub(super) struct Particles<'w, 's> {
@@ -64,14 +77,44 @@ pub(super) fn gather(
     mut bookkeeping: Bookkeeping,
     planes: Query<(&PlaneCollider, &Transform)>,
     hierarchy: Hierarchy,
+    (dimensions, mut easing): (Res<Dimensions>, Easing),
 ) {
     gathered.start = Some(Instant::now());
     let (state, simulation) = (&mut *state, &mut *simulation);
     let edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
     slots::refresh_slots(state, simulation, edits, queries.p1(), &mut bookkeeping);
     let warnings = &mut bookkeeping.warnings;
-    gather_particles(state, simulation, &mut gathered, warnings, &queries.p2(), &hierarchy);
-    gather_planes(state, simulation, &mut gathered_planes, &mut bookkeeping, &planes, &hierarchy);
+    let particles = queries.p2();
+    move_origin(state, simulation, &particles, &hierarchy);
+    let view = View::new(state.solver.origin, *dimensions);
+    gather_particles(state, simulation, &mut gathered, warnings, &particles, &hierarchy, view);
+    let motion_of_all = teleport::settle(state, simulation, &gathered.moved, view, &mut easing);
+    let motions = Motions { view, of_all: motion_of_all };
+    gather_planes(state, simulation, &mut gathered_planes, &mut bookkeeping, &planes, &hierarchy, motions);
+}
+
+/// Moves the solver's origin to where the particles are, if they are far from it.
+fn move_origin(
+    state: &mut MassSpringState,
+    simulation: &mut Simulation,
+    particles: &Particles,
+    hierarchy: &Hierarchy,
+) {
+    let slots = &state.particles.slots;
+    let places = slots.iter().step_by(slots.len().div_ceil(SAMPLE).max(1)).filter_map(|entity| {
+        if let Ok((_, _, _, transform, ..)) = particles.free_standing.get(*entity) {
+            return Some(transform.translation);
+        }
+        let ((_, _, _, transform, ..), ChildOf(parent)) = particles.parented.get(*entity).ok()?;
+        Some(hierarchy.world_transform(*parent).0.transform_point3(transform.translation))
+    });
+    let origin = choose_origin(state.solver.origin, places);
+    simulation.unshifted.resize(0);
+    if origin != state.solver.origin {
+        simulation.unshifted.copy_from(&state.solver.particles.position);
+        simulation.shift = origin - state.solver.origin;
+        state.solver.move_origin(origin);
+    }
 }
 
 /// Copies all particles into their slots: those without a parent by whole tables, the others one by one.
@@ -82,9 +125,11 @@ fn gather_particles(
     warnings: &mut Warnings,
     particles: &Particles,
     hierarchy: &Hierarchy,
+    view: View,
 ) {
     let Gathered {
         parented: parented_slots,
+        moved,
         faults,
         bad_forces: [old_bad_forces, bad_forces],
         exceptions,
@@ -96,7 +141,11 @@ fn gather_particles(
     bad_forces.clear();
     simulation.inputs.pinned.clear();
     state.solver.particles.applied_force.fill(Vec3::ZERO);
-    let mut gathering = Gathering { state, simulation, warnings, faults, bad_forces };
+    moved.clear();
+    if view.is_flat {
+        state.solver.particles.position.z.fill(0.0);
+    }
+    let mut gathering = Gathering { state, simulation, warnings, moved, faults, bad_forces, view };
     let tables = particles.free_standing.contiguous_iter();
     for table in tables.expect("these components are all stored in tables") {
         gathering.copy_table(table, exceptions);
@@ -105,17 +154,24 @@ fn gather_particles(
     for (particle, &ChildOf(parent)) in &particles.parented {
         let (frame, depth) = match known_parent {
             Some((known, frame, depth)) if known == parent => (frame, depth),
-            _ => hierarchy.world_transform(parent),
+            _ => {
+                let (frame, depth) = hierarchy.world_transform(parent);
+                (view.frame_to_solver(frame), depth)
+            }
         };
         known_parent = Some((parent, frame, depth));
-        gathering.copy(particle, to_world(&frame, particle.3.translation));
+        let local = particle.3.translation;
+        let is_unmoved = particle.1.get().is_some_and(|slot| {
+            let last = gathering.state.solver.particles.position.get(slot);
+            view.solver_to_child(&frame, last, local) == local
+        });
+        gathering.copy(particle, Seen { position: view.child_to_solver(&frame, local), is_unmoved });
         if let Some(slot) = particle.1.get() {
             parented_slots.push((depth, slot, particle.0));
         }
     }
     // Parents first: a particle may be the parent of another.
     parented_slots.sort_unstable_by_key(|(depth, slot, _)| (*depth, *slot));
-    simulation.fresh.fill(false);
     for entity in old_bad_forces.iter().filter(|entity| !bad_forces.contains(entity)) {
         warnings.clear(*entity);
     }
@@ -125,8 +181,10 @@ struct Gathering<'a> {
     state: &'a mut MassSpringState,
     simulation: &'a mut Simulation,
     warnings: &'a mut Warnings,
+    moved: &'a mut Vec<Moved>,
     faults: &'a mut Vec<usize>,
     bad_forces: &'a mut Vec<Entity>,
+    view: View,
 }
 
 impl Gathering<'_> {
@@ -142,18 +200,23 @@ impl Gathering<'_> {
             exceptions.extend(0..entities.len());
         } else {
             let rows = Rows { slots, particles, transforms, velocities };
-            rows.copy_unchanged(&mut self.state.solver.particles, exceptions);
+            rows.copy_unmoved(&mut self.state.solver.particles, self.view, exceptions);
         }
         for &row in &*exceptions {
             let force = forces.map(|forces| &forces[row]);
             let (transform, velocity) = (&transforms[row], &velocities[row]);
             let data = (entities[row], &slots[row], &particles[row], transform, velocity, force, pinned);
-            self.copy(data, transform.translation);
+            let Some(slot) = slots[row].get() else { continue };
+            let last = self.state.solver.particles.position.get(slot);
+            let translation = transform.translation;
+            let is_unmoved = self.view.to_world(last, translation) == translation;
+            self.copy(data, Seen { position: self.view.to_solver(translation), is_unmoved });
         }
     }
 
-    /// Copies one particle that stands at `position` in the world.
-    fn copy(&mut self, particle: <ParticleData as QueryData>::Item<'_, '_>, position: Vec3) {
+    /// Copies one particle.
+    fn copy(&mut self, particle: <ParticleData as QueryData>::Item<'_, '_>, seen: Seen) {
+        let Seen { position, is_unmoved } = seen;
         let (entity, slot, particle, _, velocity, force, pinned) = particle;
         let Some(slot) = slot.get() else { return };
         if particle.validate().is_ok() {
@@ -163,6 +226,7 @@ impl Gathering<'_> {
             // The last good values serve for this tick; the next one leaves the particle out.
             self.state.is_outdated = true;
         }
+        let velocity = self.view.flatten(velocity.0);
         let finite = position.is_finite() && velocity.is_finite();
         if !finite {
             self.faults.push(slot);
@@ -173,12 +237,13 @@ impl Gathering<'_> {
         if pinned {
             self.pin(slot, position, finite);
         } else if finite {
-            let moved = position.distance_squared(solver.particles.position.get(slot));
-            if moved > particle.radius * particle.radius {
-                solver.teleport(slot, position);
+            if self.simulation.fresh[slot] {
+                solver.particles.position.set(slot, position);
+            } else if !is_unmoved {
+                let keeps_velocity = solver.particles.velocity.get(slot) != velocity;
+                self.moved.push(Moved { slot, position, keeps_velocity });
             }
-            solver.particles.position.set(slot, position);
-            solver.particles.velocity.set(slot, velocity.0);
+            solver.particles.velocity.set(slot, velocity);
         } else {
             solver.particles.velocity.set(slot, Vec3::ZERO);
         }
@@ -195,7 +260,7 @@ impl Gathering<'_> {
     }
 
     fn checked_force(&mut self, entity: Entity, force: Option<&AppliedForce>) -> Vec3 {
-        let force = force.map_or(Vec3::ZERO, |force| force.0);
+        let force = self.view.flatten(force.map_or(Vec3::ZERO, |force| force.0));
         if let Err(problem) = parameter::finite("applied force", force) {
             self.warnings.warn_once(entity, format_args!("particle {entity} is not pushed: {problem}"));
             self.bad_forces.push(entity);
@@ -221,38 +286,33 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// Copies those with good values, known parameters and no motion since the last tick of more than their radius.
+    /// Copies the velocities of those with good values and known parameters that are where the last tick left them.
     /// The others are `exceptions`, in order.
-    fn copy_unchanged(&self, to: &mut particles::Particles, exceptions: &mut Vec<usize>) {
+    fn copy_unmoved(&self, to: &mut particles::Particles, view: View, exceptions: &mut Vec<usize>) {
         let (position, velocity, inverse_mass, radius) = to.motion_mut();
         let (count, size) = (self.slots.len(), if self.are_in_order() { ROWS } else { self.slots.len() });
-        let (mut positions, mut velocities, mut passed) = (position.axes_mut(), velocity.axes_mut(), 0);
+        let (mut velocities, mut passed) = (velocity.axes_mut(), 0);
         let parts = (0..count).step_by(size.max(1)).map(|first| {
             // A part owns the slots up to the first one of the next part.
             let end = self.slots.get(first + size).and_then(Slot::get).unwrap_or(inverse_mass.len());
             let start = std::mem::replace(&mut passed, end);
             let rows = first..count.min(first + size);
-            (rows, start, split_off(&mut positions, end - start), split_off(&mut velocities, end - start))
+            (rows, start, split_off(&mut velocities, end - start))
         });
         let found = Mutex::new(&mut *exceptions);
-        parallel::for_each(parts, count >= MIN_SHARED, |(rows, start, mut positions, mut velocities)| {
+        parallel::for_each(parts, count >= MIN_SHARED, |(rows, start, mut velocities)| {
             for row in rows {
                 let Some(slot) = self.slots[row].get() else { continue };
-                let (particle, position, velocity) =
+                let (particle, translation, velocity) =
                     (&self.particles[row], self.transforms[row].translation, self.velocities[row].0);
                 // Zero times a finite number is zero; the sum is finite unless one of the six is not, or
                 // nearly so.
-                let checksum = (position + velocity).element_sum() * 0.0;
+                let checksum = (translation + velocity).element_sum() * 0.0;
                 let is_known = 1.0 / particle.mass == inverse_mass[slot] && particle.radius == radius[slot];
                 let place = slot.wrapping_sub(start);
-                let is_ours = is_known && checksum == 0.0 && place < positions[0].len();
-                let is_near = || {
-                    let last = Vec3::from(positions.each_ref().map(|axis| axis[place]));
-                    position.distance_squared(last) <= radius[slot] * radius[slot]
-                };
-                if is_ours && is_near() {
-                    set(&mut positions, place, position);
-                    set(&mut velocities, place, velocity);
+                let is_ours = is_known && checksum == 0.0 && place < velocities[0].len();
+                if is_ours && view.to_world(position.get(slot), translation) == translation {
+                    set(&mut velocities, place, view.flatten(velocity));
                 } else {
                     found.lock().unwrap_or_else(PoisonError::into_inner).push(row);
                 }

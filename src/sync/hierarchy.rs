@@ -16,7 +16,8 @@ pub(super) struct Hierarchy<'w, 's> {
 impl Hierarchy<'_, '_> {
     /// See [`world_transform`].
     pub fn world_transform(&self, entity: Entity) -> (Affine3A, usize) {
-        world_transform(entity, &self.parents, |entity| self.transforms.get(entity).ok())
+        let parent_of = |entity| self.parents.get(entity).ok().map(ChildOf::parent);
+        world_transform(entity, parent_of, |entity| self.transforms.get(entity).ok())
     }
 }
 
@@ -24,7 +25,7 @@ impl Hierarchy<'_, '_> {
 /// and how many ancestors it has. Entities without a `Transform` count as the identity.
 pub(super) fn world_transform<'a>(
     entity: Entity,
-    parents: &Query<&ChildOf, Allow<Disabled>>,
+    parent_of: impl Fn(Entity) -> Option<Entity>,
     transform_of: impl Fn(Entity) -> Option<&'a Transform>,
 ) -> (Affine3A, usize) {
     let mut affine = Affine3A::IDENTITY;
@@ -36,7 +37,7 @@ pub(super) fn world_transform<'a>(
         {
             affine = transform.compute_affine() * affine;
         }
-        current = parents.get(ancestor).ok().map(ChildOf::parent);
+        current = parent_of(ancestor);
         depth += usize::from(current.is_some());
     }
     (affine, depth)

@@ -17,12 +17,16 @@ mod gather;
 mod hierarchy;
 mod planes;
 mod registry;
+mod relocate;
+mod rigid;
 mod run;
 mod scatter;
 mod slots;
 mod snapshot;
 mod springs;
 mod state;
+mod teleport;
+mod view;
 
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::intern::Interned;
@@ -31,10 +35,12 @@ use bevy::prelude::*;
 
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
+use crate::solver::particles::Vectors;
 use crate::solver::{Caches, Inputs, Outputs, Version};
 use crate::spring::Spring;
 
 use registry::Slot;
+pub(crate) use relocate::{Scope, relocate};
 pub use snapshot::{Snapshot, SnapshotError};
 pub(crate) use snapshot::{restore_initial_state, take_initial_state};
 pub use state::MassSpringState;
@@ -47,6 +53,10 @@ pub(crate) struct Simulation {
     outputs: Outputs,
     /// Slots that have no past: a pinned particle there did not move to where it is.
     fresh: Vec<bool>,
+    /// Positions before the solver's origin was moved in this tick; empty if it was not.
+    unshifted: Vectors,
+    /// How far it was moved then, m.
+    shift: Vec3,
     /// The version of the state that the slots of the entities belong to.
     version: Version,
 }

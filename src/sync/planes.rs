@@ -9,10 +9,12 @@ use crate::collider::PlaneCollider;
 use crate::particle::SimulationOrder;
 use crate::solver::{Plane, Pose};
 
-use super::Simulation;
 use super::hierarchy::Hierarchy;
+use super::rigid::RigidMotion;
 use super::slots::Bookkeeping;
 use super::state::{MassSpringState, RegisteredPlane, touch};
+use super::view::View;
+use super::{Simulation, teleport};
 
 /// Registers a plane.
 pub(super) fn register_plane(
@@ -56,6 +58,14 @@ fn sort(state: &mut MassSpringState, orders: &Query<&SimulationOrder, Allow<Disa
     state.planes.sort_by_key(order_of);
 }
 
+/// What planes need to know of the particles.
+#[derive(Clone, Copy)]
+pub(super) struct Motions {
+    pub view: View,
+    /// The motion by which all of them were moved since the last tick.
+    pub of_all: Option<RigidMotion>,
+}
+
 /// Copies all planes, moving from where they were in the last tick to where they are. A plane that is disabled or
 /// left out has no past when it is back.
 pub(super) fn gather_planes(
@@ -65,6 +75,7 @@ pub(super) fn gather_planes(
     bookkeeping: &mut Bookkeeping,
     planes: &Query<(&PlaneCollider, &Transform)>,
     hierarchy: &Hierarchy,
+    Motions { view, of_all }: Motions,
 ) {
     simulation.inputs.planes.clear();
     gathered_planes.0.clear();
@@ -78,9 +89,11 @@ pub(super) fn gather_planes(
         }
         let (frame, _) = hierarchy.world_transform(*entity);
         let pose = pose_of(&frame);
-        let problem = match pose {
-            None => Some("its transform is not finite".to_owned()),
-            Some(_) => plane.validate().err().map(|problem| problem.to_string()),
+        let flat_pose = pose.and_then(|pose| view.flatten_pose(pose));
+        let problem = match (pose, flat_pose) {
+            (None, _) => Some("its transform is not finite".to_owned()),
+            (_, None) => Some("it is parallel to the plane in which particles move".to_owned()),
+            _ => plane.validate().err().map(|problem| problem.to_string()),
         };
         if let Some(problem) = problem {
             let message = format_args!("plane {entity} is left out of the simulation: {problem}");
@@ -89,10 +102,14 @@ pub(super) fn gather_planes(
             continue;
         }
         bookkeeping.warnings.clear(*entity);
-        let Some(target) = pose else { continue };
-        let start = last_pose.replace(target).unwrap_or(target);
+        let Some(target) = flat_pose else { continue };
+        let mut start = last_pose.replace(target).unwrap_or(target);
+        if let Some(motion) = &of_all {
+            start = teleport::start_of_plane(motion, start, target, view);
+        }
         let PlaneCollider { restitution, friction } = *plane;
-        simulation.inputs.planes.push(Plane { start, target, restitution, friction });
+        let plane = Plane { start, target, restitution, friction };
+        simulation.inputs.planes.push(view.plane_to_solver(plane));
         gathered_planes.0.push(*entity);
     }
 }
@@ -102,7 +119,7 @@ pub(super) fn gather_planes(
 pub(super) struct GatheredPlanes(pub Vec<Entity>);
 
 /// A plane's pose: the image of +Y is the normal, whatever the scale.
-fn pose_of(frame: &Affine3A) -> Option<Pose> {
+pub(super) fn pose_of(frame: &Affine3A) -> Option<Pose> {
     let (_, rotation, point) = frame.to_scale_rotation_translation();
     (point.is_finite() && rotation.is_finite()).then_some(Pose { point, rotation })
 }

@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use crate::collider::{CollisionSettings, Contact};
 use crate::environment::Environment;
 use crate::report::{SpringForces, TickReport};
-use crate::settings::SolverSettings;
+use crate::settings::{Dimensions, SolverSettings};
 use crate::solver::{
     MAX_SUBSTEPS, Measurements, PairRules, Plan, StepSettings, SubstepMode, Version, measure, step,
 };
@@ -67,6 +67,7 @@ pub(super) struct Configuration<'w, 's> {
     time: Res<'w, Time>,
     environment: Res<'w, Environment>,
     solver: Res<'w, SolverSettings>,
+    dimensions: Res<'w, Dimensions>,
     collisions: Res<'w, CollisionSettings>,
     /// What was logged last, so that it is logged once.
     logged: Local<'s, Option<String>>,
@@ -85,6 +86,9 @@ impl Configuration<'_, '_> {
             complaints
                 .push(format!("CollisionSettings: {problem}; particles do not collide with each other"));
             collisions.particles = false;
+        }
+        if *self.dimensions == Dimensions::Two {
+            environment.gravity.z = 0.0;
         }
         let SolverSettings { integrator, substeps } = *self.solver;
         if substeps == SubstepMode::Fixed(0) {

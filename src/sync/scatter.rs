@@ -12,15 +12,17 @@ use bevy::prelude::*;
 use crate::collider::Contact;
 use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::{ParticleFault, SpringForces, TickReport};
+use crate::settings::Dimensions;
 use crate::solver::particles::Particles;
 use crate::solver::{ContactPartner, ContactRecord, Outputs, parallel};
 
 use super::Simulation;
 use super::gather::{Gathered, MIN_SHARED, ROWS};
-use super::hierarchy::{to_local, world_transform};
+use super::hierarchy::world_transform;
 use super::planes::GatheredPlanes;
 use super::registry::Slot;
 use super::state::MassSpringState;
+use super::view::View;
 
 /// All that a tick writes of a particle.
 type ParticleData =
@@ -45,11 +47,13 @@ pub(super) fn scatter(
     planes: Res<GatheredPlanes>,
     mut queries: ParticleQueries,
     parents: Query<&ChildOf, Allow<Disabled>>,
+    dimensions: Res<Dimensions>,
     mut report: ResMut<TickReport>,
     mut publications: Publications,
 ) {
     let start = Instant::now();
-    scatter_particles(&state.solver.particles, &mut gathered, &mut queries, &parents);
+    let view = View::new(state.solver.origin, *dimensions);
+    scatter_particles(&state.solver.particles, view, &mut gathered, &mut queries, &parents);
     publications.report_faults(&state, &mut gathered.faults, &mut report);
     if let Some(messages) = &mut publications.contacts {
         messages.write_batch(merged_contacts(&simulation.outputs, &state, &planes.0));
@@ -63,6 +67,7 @@ pub(super) fn scatter(
 /// Copies positions and velocities back, and notes which are not finite.
 fn scatter_particles(
     particles: &Particles,
+    view: View,
     gathered: &mut Gathered,
     queries: &mut ParticleQueries,
     parents: &Query<&ChildOf, Allow<Disabled>>,
@@ -94,8 +99,9 @@ fn scatter_particles(
                         velocities[row] = velocity;
                         accelerated[row] = now;
                     }
-                    let position = particles.position.get(slot);
-                    if new_velocity.is_some() && !pinned && transforms[row].translation != position {
+                    let present = transforms[row].translation;
+                    let position = view.to_world(particles.position.get(slot), present);
+                    if new_velocity.is_some() && !pinned && present != position {
                         transforms[row].translation = position;
                         moved[row] = now;
                     }
@@ -112,7 +118,7 @@ fn scatter_particles(
         let Ok((mut velocity, pinned)) = velocities.get_mut(entity) else { continue };
         velocity.set_if_neq(ParticleVelocity(new_velocity.unwrap_or_default()));
         if new_velocity.is_some() && !pinned {
-            move_child(entity, particles.position.get(slot), parents, &mut queries.p2());
+            move_child(entity, particles.position.get(slot), view, parents, &mut queries.p2());
         }
     }
 }
@@ -123,20 +129,20 @@ fn finite_velocity(particles: &Particles, slot: usize) -> Option<Vec3> {
     (velocity.is_finite() && particles.position.get(slot).is_finite()).then_some(velocity)
 }
 
-/// Moves a particle with a parent to `position` in the world.
+/// Moves a particle with a parent to the solver's `position`.
 fn move_child(
     entity: Entity,
     position: Vec3,
+    view: View,
     parents: &Query<&ChildOf, Allow<Disabled>>,
     transforms: &mut Query<&mut Transform, Allow<Disabled>>,
 ) {
     let Ok(&ChildOf(parent)) = parents.get(entity) else { return };
-    let (frame, _) = world_transform(parent, parents, |entity| transforms.get(entity).ok());
-    let local = to_local(&frame, position);
-    if let Ok(mut transform) = transforms.get_mut(entity)
-        && transform.translation != local
-        && local.is_finite()
-    {
+    let parent_of = |entity| parents.get(entity).ok().map(ChildOf::parent);
+    let (frame, _) = world_transform(parent, parent_of, |entity| transforms.get(entity).ok());
+    let Ok(mut transform) = transforms.get_mut(entity) else { return };
+    let local = view.solver_to_child(&view.frame_to_solver(frame), position, transform.translation);
+    if transform.translation != local && local.is_finite() {
         transform.translation = local;
     }
 }
@@ -181,7 +187,8 @@ fn merged_contacts(outputs: &Outputs, state: &MassSpringState, planes: &[Entity]
             };
             let impulse = substeps.iter().map(|record| record.impulse).sum();
             let particle = *state.particles.slots.get(last.slot)?;
-            Some(Contact { particle, other, point: last.point, normal: last.normal, impulse })
+            let point = last.point + state.solver.origin;
+            Some(Contact { particle, other, point, normal: last.normal, impulse })
         })
         .collect()
 }

@@ -244,7 +244,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.simulation.fresh.push(last_position.is_none());
             state.particles.slots.push(entry.entity);
             // Positions and velocities are filled in by the gather.
-            let position = last_position.unwrap_or(transform.translation);
+            let position = last_position.unwrap_or(transform.translation - state.solver.origin);
             let inverse_mass = if is_pinned { 0.0 } else { 1.0 / particle.mass };
             state.solver.add_particle(position, Vec3::ZERO, inverse_mass, particle.radius);
             true

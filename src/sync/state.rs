@@ -69,6 +69,7 @@ impl MassSpringState {
         self.springs.reset_slots();
         self.planes.iter_mut().for_each(|plane| plane.last_pose = None);
         self.solver.clear();
+        self.solver.origin = Vec3::ZERO;
         self.solver.forget_contacts();
         self.is_outdated = true;
         self.version = Version::new();

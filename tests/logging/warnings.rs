@@ -203,6 +203,20 @@ fn an_invalid_force_is_named_once_each_time_it_becomes_invalid() {
 }
 
 #[test]
+fn a_plane_that_cuts_no_line_into_two_dimensions_is_named_once() {
+    let logged = Logged::start();
+    let mut app = app();
+    app.insert_resource(Dimensions::Two);
+    let facing = Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
+    let wall = app.world_mut().spawn((PlaneCollider::default(), facing)).id();
+    run(&mut app, 3);
+    assert_names(&logged.take_one(), wall, &["plane", "parallel"]);
+    app.world_mut().get_mut::<Transform>(wall).unwrap().rotation = Quat::IDENTITY;
+    run(&mut app, 3);
+    logged.assert_silent();
+}
+
+#[test]
 fn an_invalid_plane_is_named_once_and_holds_nothing() {
     let logged = Logged::start();
     let mut app = app();

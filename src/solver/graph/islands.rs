@@ -134,14 +134,14 @@ impl IslandSet {
 }
 
 /// Disjoint sets of particles: each points to another one of its set, the root to itself.
-struct Forest(Vec<u32>);
+pub(super) struct Forest(Vec<u32>);
 
 impl Forest {
-    fn new(particles: usize) -> Self {
+    pub fn new(particles: usize) -> Self {
         Self((0..particles as u32).collect())
     }
 
-    fn root(&mut self, slot: usize) -> usize {
+    pub fn root(&mut self, slot: usize) -> usize {
         let Self(parents) = self;
         let mut slot = slot as u32;
         while parents[slot as usize] != slot {
@@ -153,7 +153,7 @@ impl Forest {
     }
 
     /// Unites the sets of two particles; returns whether they were different ones.
-    fn join(&mut self, first: usize, second: usize) -> bool {
+    pub fn join(&mut self, first: usize, second: usize) -> bool {
         let (first, second) = (self.root(first), self.root(second));
         self.0[first] = second as u32;
         first != second

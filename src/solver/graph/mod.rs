@@ -15,6 +15,7 @@ mod hierarchy;
 mod islands;
 mod layout;
 mod neighbours;
+mod nets;
 mod order;
 
 use crate::solver::elements::MAX_ENDS;
@@ -26,6 +27,7 @@ pub(super) use exclusions::{Exclusions, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
 pub(super) use islands::{IslandSet, Islands, has_loops};
 pub(super) use neighbours::Neighbours;
+pub(crate) use nets::Nets;
 pub(super) use order::better_order;
 
 /// An element and what is at its ends.

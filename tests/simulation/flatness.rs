@@ -1,0 +1,186 @@
+//! Two dimensions: z of a `Transform` is a layer.
+
+use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
+
+use crate::common::*;
+
+fn flat_app(settings: SolverSettings) -> App {
+    let mut app = app();
+    app.insert_resource(settings);
+    app.insert_resource(Dimensions::Two);
+    *app.world_mut().resource_mut::<CollisionSettings>() =
+        CollisionSettings { restitution: 0.3, friction: 0.4, ..default() };
+    app
+}
+
+fn schemes() -> impl Iterator<Item = SolverSettings> {
+    Integrator::ALL.into_iter().map(|integrator| match integrator {
+        Integrator::Auto => SolverSettings::default(),
+        named => scheme(named, 8),
+    })
+}
+
+fn settle(app: &mut App, entity: Entity, bundle: impl Bundle) {
+    app.world_mut().entity_mut(entity).insert(bundle);
+}
+
+/// A rope on alternating layers, balls, some in each other's way, a ground and a moving anchor; what is given a
+/// velocity, a force or a gravity along z.
+fn scene(app: &mut App) -> Vec<Entity> {
+    app.world_mut().resource_mut::<Environment>().gravity = Vec3::new(0.0, -9.81, 3.0);
+    let tilted = Transform::from_xyz(0.0, 0.0, -4.0).with_rotation(Quat::from_rotation_x(0.3));
+    app.world_mut().spawn((PlaneCollider { restitution: 0.2, friction: 0.5 }, tilted));
+    let rope = spawn_rope(app, Vec3::new(0.0, 1.0, 0.1), 10, 0.1, |spring| {
+        spring.with_stiffness(300.0).with_damping(0.2)
+    });
+    let layer = |number: usize| [0.1, -7.3, 1e3, 1e-3][number % 4];
+    for (number, knot) in rope.iter().enumerate() {
+        app.world_mut().get_mut::<Transform>(*knot).unwrap().translation.z = layer(number);
+    }
+    settle(app, rope[4], ParticleVelocity(Vec3::new(0.0, 1.0, 9.0)));
+    settle(app, rope[6], AppliedForce(Vec3::Z * 5.0));
+    let root = Transform::from_xyz(0.3, 0.1, 2.2)
+        .with_rotation(Quat::from_rotation_z(0.6))
+        .with_scale(Vec3::splat(1.7));
+    let root = app.world_mut().spawn(root).id();
+    settle(app, rope[9], ChildOf(root));
+    let mut all = rope;
+    for ball in 0..8_u8 {
+        let place =
+            Vec3::new(0.3 + 0.05 * f32::from(ball % 3), 0.2 + 0.2 * f32::from(ball), layer(ball.into()));
+        all.push(spawn(app, 0.3, 0.08, place));
+    }
+    all
+}
+
+/// The bar: after 10,000 ticks.
+#[test]
+fn layers_stay_to_the_bit() {
+    for settings in schemes() {
+        let mut app = flat_app(settings);
+        let all = scene(&mut app);
+        let layers = |app: &App| -> Vec<u32> {
+            all.iter().map(|particle| position(app, *particle).z.to_bits()).collect()
+        };
+        let before = layers(&app);
+        // Explicit schemes without damping explode, as they should; what is quarantined stays.
+        let explodes =
+            matches!(settings.integrator, Integrator::ExplicitEuler | Integrator::SecondOrderTaylor);
+        for tick in 0..if explodes { 300_u16 } else { 10_000 } {
+            let anchor = position(&app, all[0]) + Vec3::X * if tick % 100 < 50 { 0.01 } else { -0.01 };
+            place(&mut app, all[0], anchor);
+            if tick % 97 == 0 {
+                Teleport::net(all[0], Vec3::new(0.1, 0.0, 5.0)).apply(app.world_mut());
+                Teleport::net(all[0], Vec3::new(-0.1, 0.0, 5.0)).apply(app.world_mut());
+            }
+            run(&mut app, 1);
+        }
+        assert_eq!(layers(&app), before, "{}", settings.integrator);
+        assert!(report(&app).contacts > 0 || explodes, "{}: nothing touches", settings.integrator);
+        for particle in &all {
+            assert_eq!(velocity(&app, *particle).z, 0.0, "{}", settings.integrator);
+        }
+    }
+}
+
+/// What happens in the plane is what happens in three dimensions with all layers 0, to the bit.
+#[test]
+fn layers_change_nothing_in_the_plane() {
+    for settings in schemes() {
+        let [mut layered, mut plain] = [true, false].map(|is_layered| {
+            let mut app = flat_app(settings);
+            if !is_layered {
+                app.insert_resource(Dimensions::Three);
+            }
+            let all = scene(&mut app);
+            for particle in &all {
+                let mut entity = app.world_mut().entity_mut(*particle);
+                entity.remove::<ChildOf>();
+                if !is_layered {
+                    entity.get_mut::<Transform>().unwrap().translation.z = 0.0;
+                    entity.get_mut::<ParticleVelocity>().unwrap().0.z = 0.0;
+                    entity.remove::<AppliedForce>();
+                }
+            }
+            if !is_layered {
+                app.world_mut().resource_mut::<Environment>().gravity.z = 0.0;
+                let mut planes = app.world_mut().query_filtered::<&mut Transform, With<PlaneCollider>>();
+                planes.iter_mut(app.world_mut()).for_each(|mut plane| *plane = Transform::default());
+            }
+            (app, all)
+        });
+        // A tilted plane is where it cuts z = 0: here y = −(−4) tan 0.3, hence it is moved to where it does so at 0.
+        let mut planes = layered.0.world_mut().query_filtered::<&mut Transform, With<PlaneCollider>>();
+        planes.iter_mut(layered.0.world_mut()).for_each(|mut plane| plane.translation.z = 0.0);
+        for tick in 0..120 {
+            run(&mut layered.0, 1);
+            run(&mut plain.0, 1);
+            for (one, other) in layered.1.iter().zip(&plain.1) {
+                let [found, expected] = [position(&layered.0, *one), position(&plain.0, *other)];
+                assert_eq!(found.truncate(), expected.truncate(), "{}, tick {tick}", settings.integrator);
+            }
+        }
+    }
+}
+
+/// The field cases: a spring between layers, and two balls on different ones that meet.
+#[test]
+fn springs_and_contacts_between_layers_are_in_the_plane() {
+    let mut app = flat_app(SolverSettings::default());
+    app.world_mut().resource_mut::<Environment>().gravity_enabled = false;
+    let anchor = spawn_pinned(&mut app, Vec3::ZERO);
+    let ball = spawn(&mut app, 1.0, 0.0, Vec3::new(100.0, 0.0, 10.0));
+    join(&mut app, Spring::new(anchor, ball, 100.0).with_stiffness(100.0));
+    let [left, right] =
+        [(-50.0, 0.0), (50.0, 6.0)].map(|(x, z)| spawn(&mut app, 1.0, 10.0, Vec3::new(x, 200.0, z)));
+    settle(&mut app, left, ParticleVelocity(Vec3::X * 100.0));
+    settle(&mut app, right, ParticleVelocity(Vec3::X * -100.0));
+    app.world_mut().resource_mut::<CollisionSettings>().restitution = 1.0;
+    run(&mut app, 320);
+    assert_eq!(position(&app, ball), Vec3::new(100.0, 0.0, 10.0), "at its rest length nothing pulls");
+    for (ball, z, sign) in [(left, 0.0, -1.0), (right, 6.0, 1.0)] {
+        assert_eq!(position(&app, ball).z, z);
+        assert!((velocity(&app, ball) - Vec3::X * 100.0 * sign).length() < 1e-2, "{}", velocity(&app, ball));
+    }
+}
+
+/// Snapshots of a scene in two dimensions bring back all bits.
+#[test]
+fn snapshots_in_two_dimensions() {
+    for settings in schemes() {
+        let mut app = flat_app(settings);
+        let all = scene(&mut app);
+        run(&mut app, 30);
+        let snapshot = Snapshot::take(app.world());
+        let follow = |app: &mut App| -> Vec<u64> {
+            (0..30)
+                .map(|_| {
+                    run(app, 1);
+                    hash(app, &all)
+                })
+                .collect()
+        };
+        let expected = follow(&mut app);
+        snapshot.restore(app.world_mut());
+        assert_eq!(follow(&mut app), expected, "{}", settings.integrator);
+    }
+}
+
+/// Far from the origin, in pixels, with a floating one.
+#[test]
+fn two_dimensions_far_away() {
+    let mut app = flat_app(SolverSettings::default());
+    let all = scene(&mut app);
+    run(&mut app, 10);
+    let layers: Vec<f32> = all.iter().map(|particle| position(&app, *particle).z).collect();
+    for sign in [1.0, -1.0] {
+        Teleport::everything(Vec3::new(1e5, 2e4, 9.0) * sign).apply(app.world_mut());
+        run(&mut app, 100);
+        for (particle, layer) in all.iter().zip(&layers) {
+            assert_eq!(position(&app, *particle).z, *layer);
+            assert_eq!(position(&app, *particle).x > 5e4, sign > 0.0);
+        }
+        assert!(app.world().resource::<TickReport>().faults == 0);
+    }
+}
