@@ -25,6 +25,8 @@ fn the_example_of_the_contract() {
             rest_length: Some(0.1),
             stiffness: 1000.0,
             damping: 1.0,
+            tension_only: false,
+            max_stretch: None,
         }],
         planes: vec![ScenePlane { point: Vec3::ZERO, normal: Vec3::Y, restitution: 0.5, friction: 0.0 }],
         ..MassSpringScene::default()

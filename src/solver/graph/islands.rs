@@ -134,14 +134,14 @@ impl IslandSet {
 }
 
 /// Disjoint sets of particles: each points to another one of its set, the root to itself.
-struct Forest(Vec<u32>);
+pub(super) struct Forest(Vec<u32>);
 
 impl Forest {
-    fn new(particles: usize) -> Self {
+    pub fn new(particles: usize) -> Self {
         Self((0..particles as u32).collect())
     }
 
-    fn root(&mut self, slot: usize) -> usize {
+    pub fn root(&mut self, slot: usize) -> usize {
         let Self(parents) = self;
         let mut slot = slot as u32;
         while parents[slot as usize] != slot {
@@ -153,7 +153,7 @@ impl Forest {
     }
 
     /// Unites the sets of two particles; returns whether they were different ones.
-    fn join(&mut self, first: usize, second: usize) -> bool {
+    pub fn join(&mut self, first: usize, second: usize) -> bool {
         let (first, second) = (self.root(first), self.root(second));
         self.0[first] = second as u32;
         first != second
@@ -191,7 +191,8 @@ mod tests {
     fn springs(ends: &[[u32; 2]]) -> Elements {
         let mut elements = Elements::default();
         for &ends in ends {
-            elements.push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+            elements
+                .push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         elements
     }
@@ -224,7 +225,7 @@ mod tests {
         assert!(has_loops(&ring, &particles) && islands(&ring, &particles).all()[0].has_loops);
         ring.remove::<Spring, 2>(2);
         assert!(!has_loops(&ring, &particles) && !islands(&ring, &particles).all()[0].has_loops);
-        ring.push([2, 3], Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+        ring.push([2, 3], Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         assert!(has_loops(&ring, &particles));
         let mut held = particles.clone();
         held.set_inverse_mass(1, 0.0);
