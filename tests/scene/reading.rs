@@ -127,8 +127,7 @@ fn cables_and_strain_limits_are_read_and_written() {
         )",
     )
     .unwrap();
-    let read: Vec<_> =
-        scene.springs.iter().map(|spring| (spring.tension_only, spring.max_stretch)).collect();
+    let read: Vec<_> = scene.springs.iter().map(|spring| (spring.tension_only, spring.max_stretch)).collect();
     assert_eq!(read, [(true, Some(0.25)), (false, None)]);
     assert_eq!(MassSpringScene::from_ron(&scene.to_ron()).unwrap(), scene);
 }

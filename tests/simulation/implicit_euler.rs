@@ -234,7 +234,8 @@ fn coincident_particles_and_springs_of_no_length() {
         }
         let still = StepSettings { gravity: Vec3::ZERO, ..settings() };
         run(&mut state, &still, 3);
-        assert_eq!(position(&state, 1), DVec3::ZERO, "no direction, no force");
+        let has_moved = position(&state, 1) != DVec3::ZERO;
+        assert_eq!(has_moved, rest_length > 0.0, "a rest length parts its ends, in whatever direction");
         run(&mut state, &settings(), 200);
         for slot in 0..3 {
             assert!(position(&state, slot).length() < 0.2, "{}", position(&state, slot));

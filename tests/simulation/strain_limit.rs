@@ -70,9 +70,9 @@ fn excess(solver: &Solver) -> f64 {
 
 #[test]
 fn a_rope_and_a_cloth_that_fall_stay_within_their_limits_and_gain_no_energy() {
-    for integrator in
-        Integrator::ALL.into_iter().filter(|integrator| *integrator != Integrator::ExplicitEuler)
-    {
+    // These gain energy by themselves where damping is weak.
+    let unstable = [Integrator::ExplicitEuler, Integrator::SecondOrderTaylor];
+    for integrator in Integrator::ALL.into_iter().filter(|integrator| !unstable.contains(integrator)) {
         for (mut solver, tolerance) in [(rope(0.1), EXACT), (rope(10.0), EXACT), (cloth(), TOLERANCE)] {
             let settings = settings(integrator);
             let start = solver.measure(settings.gravity).total_energy();
