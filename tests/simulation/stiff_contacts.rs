@@ -273,7 +273,12 @@ fn stiff_ropes_hold_each_other() {
             let mass = if pinned && knot % links == 0 { f32::INFINITY } else { 0.01 };
             let number = state.add_particle(place, Vec3::ZERO, mass, 0.02).unwrap();
             if knot > 0 {
-                let spring = solver::Spring { rest_length: 0.0401, stiffness: 1e6, damping: 0.0 };
+                let spring = solver::Spring {
+                    rest_length: 0.0401,
+                    stiffness: 1e6,
+                    damping: 0.0,
+                    ..solver::Spring::default()
+                };
                 state.add_spring([number - 1, number], spring).unwrap();
             }
         }
