@@ -87,6 +87,7 @@ impl Net {
                         rest_length: self.rest_length(link),
                         stiffness: self.stiffness,
                         damping: self.damping,
+                        ..solver::Spring::default()
                     },
                 )
                 .unwrap();

@@ -116,7 +116,9 @@ impl MassSpringGizmos {
     pub fn spring_color(&self, spring: &Spring, length: f32) -> Color {
         // A spring of rest length 0 has no relative stretch: its length in m stands in for it.
         let unit = if spring.rest_length > 0.0 { spring.rest_length } else { 1.0 };
-        let share = (length - spring.rest_length) / (unit * self.full_stretch);
+        let elongation = length - spring.rest_length;
+        let elongation = if spring.tension_only { elongation.max(0.0) } else { elongation };
+        let share = elongation / (unit * self.full_stretch);
         let far = if share < 0.0 { self.compression_color } else { self.tension_color };
         self.relaxed_color.mix(&far, share.abs().min(1.0))
     }

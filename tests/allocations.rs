@@ -26,7 +26,12 @@ fn state() -> Solver {
                 state
                     .add_spring(
                         [neighbour, slot],
-                        solver::Spring { rest_length: 0.1, stiffness: 50.0, damping: 0.05 },
+                        solver::Spring {
+                            rest_length: 0.1,
+                            stiffness: 50.0,
+                            damping: 0.05,
+                            ..solver::Spring::default()
+                        },
                     )
                     .unwrap();
             }

@@ -113,7 +113,7 @@ impl Net {
         for link in &self.links {
             let [rest_length, stiffness, damping] =
                 [link.rest_length, link.stiffness, link.damping].map(|value| value as f32);
-            let spring = Spring { rest_length, stiffness, damping };
+            let spring = Spring { rest_length, stiffness, damping, ..Spring::default() };
             solver.add_spring(link.ends, spring).expect("links join different particles");
         }
         solver

@@ -95,6 +95,16 @@ pub struct SceneSpring {
     /// Damping along the spring in N·s/m, finite and >= 0. Default 0.
     #[serde(default)]
     pub damping: f32,
+    /// Whether it only pulls, as a cable does. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub tension_only: bool,
+    /// The strain limit, finite and >= 0: never longer than (1 + this) rest lengths. Default none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_stretch: Option<f32>,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// One solid half-space.

@@ -82,6 +82,8 @@ impl MassSpringScene {
                     rest_length: self.rest_length(spring).unwrap_or_default(),
                     stiffness: spring.stiffness,
                     damping: spring.damping,
+                    tension_only: spring.tension_only,
+                    max_stretch: spring.max_stretch,
                 };
                 commands.spawn(component).id()
             })

@@ -135,6 +135,9 @@ impl MassSpringScene {
         parameter::non_negative("rest_length", rest_length)
             .and_then(|()| parameter::non_negative("stiffness", spring.stiffness))
             .and_then(|()| parameter::non_negative("damping", spring.damping))
+            .and_then(|()| {
+                spring.max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))
+            })
             .map_err(|invalid| Fault::new(&parents, invalid))
     }
 }

@@ -94,7 +94,8 @@ impl Solver {
         Ok(self.state.add_spring(ends, spring))
     }
 
-    /// Changes the parameters of a spring.
+    /// Changes the parameters of a spring. In the next tick rest length, stiffness and damping go there in equal
+    /// parts, substep by substep.
     ///
     /// # Errors
     /// If a parameter is not finite and >= 0.
@@ -194,11 +195,13 @@ impl Solver {
 
     /// What a tick with these settings would run.
     pub fn plan(&mut self, settings: &StepSettings) -> Plan {
+        self.state.elements.begin_ramps();
         self.caches.plan(&self.state, settings)
     }
 
     /// Bounds on the frequencies of the whole net in a medium of `viscosity` N·s/m.
     pub fn frequency_bounds(&mut self, viscosity: f32) -> FrequencyBounds {
+        self.state.elements.begin_ramps();
         self.caches.frequency_bounds(&self.state, viscosity)
     }
 
@@ -279,5 +282,6 @@ fn inverse(mass: f32) -> Result<f32, SolverError> {
 fn check(spring: Spring) -> Result<(), SolverError> {
     non_negative("rest_length", spring.rest_length)?;
     non_negative("stiffness", spring.stiffness)?;
-    non_negative("damping", spring.damping)
+    non_negative("damping", spring.damping)?;
+    spring.max_stretch.map_or(Ok(()), |limit| non_negative("max_stretch", limit))
 }

@@ -89,7 +89,10 @@ mod tests {
         let mut state = State::default();
         state.add_particle(Vec3::new(0.0, 3.0, 0.0), Vec3::new(3.0, 4.0, 0.0), 0.5, 0.0);
         state.add_particle(Vec3::new(0.0, 1.0, 0.0), Vec3::ONE, 0.0, 0.0);
-        state.add_spring([0, 1], Spring { rest_length: 1.6, stiffness: 50.0, damping: 1.0 });
+        state.add_spring(
+            [0, 1],
+            Spring { rest_length: 1.6, stiffness: 50.0, damping: 1.0, ..Spring::default() },
+        );
         let found = measure(&state, Vec3::new(0.0, -10.0, 0.0));
         assert_eq!(found.kinetic_energy, 25.0);
         assert_eq!(found.gravitational_energy, 60.0);

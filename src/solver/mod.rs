@@ -17,7 +17,7 @@
 //! let mut solver = Solver::default();
 //! let anchor = solver.add_particle(Vec3::Y, Vec3::ZERO, f32::INFINITY, 0.0)?;
 //! let bob = solver.add_particle(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0)?;
-//! solver.add_spring([anchor, bob], Spring { rest_length: 1.0, stiffness: 981.0, damping: 20.0 })?;
+//! solver.add_spring([anchor, bob], Spring { rest_length: 1.0, stiffness: 981.0, damping: 20.0, ..Spring::default() })?;
 //! let settings = StepSettings { gravity: Vec3::new(0.0, -9.81, 0.0), ..Default::default() };
 //! for _ in 0..600 {
 //!     solver.step(&settings);
@@ -47,6 +47,7 @@ mod settings;
 mod stability;
 mod state;
 mod step;
+mod strain_limit;
 
 pub use collision::{ContactPartner, ContactRecord, Plane, Pose};
 pub use door::{Solver, SolverError};

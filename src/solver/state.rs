@@ -56,6 +56,8 @@ pub struct State {
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
     pub(super) pulls: Pulls,
+    /// Whether particles or springs were placed since the last tick so that the ends of a spring may coincide.
+    pub(super) may_coincide: bool,
 }
 
 impl State {
@@ -114,6 +116,7 @@ impl State {
     /// Changes the inverse mass (1/kg; 0: pinned) and the radius (m) of a particle, where they are others.
     pub(crate) fn set_particle(&mut self, slot: usize, inverse_mass: f32, radius: f32) {
         if self.particles.inverse_mass()[slot] != inverse_mass {
+            self.may_coincide |= self.particles.is_pinned(slot);
             self.particles.set_inverse_mass(slot, inverse_mass);
             self.pulls.forget(slot);
             self.contacts.request_search();
@@ -129,6 +132,7 @@ impl State {
         self.particles.position.set(slot, position);
         self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
+        self.may_coincide = true;
     }
 
     /// Puts a particle somewhere else together with all that elements join to it, without a motion from where they
@@ -147,6 +151,7 @@ impl State {
     pub(crate) fn add_spring(&mut self, ends: [usize; 2], spring: Spring) -> usize {
         self.contacts.request_search();
         ends.into_iter().for_each(|end| self.pulls.forget(end));
+        self.may_coincide = true;
         self.elements.push(ends.map(|end| end as u32), spring)
     }
 
@@ -159,8 +164,14 @@ impl State {
 
     /// Changes the parameters of a spring, if they are others.
     pub(crate) fn set_spring(&mut self, index: usize, spring: Spring) {
-        if self.spring(index) != Some(&spring) {
-            self.forget_pulls(index);
+        if let Some(old) = self.spring(index).filter(|old| **old != spring) {
+            let acts = |spring: &Spring| spring.stiffness > 0.0 || spring.damping > 0.0;
+            let (did_act, acts) = (acts(old), acts(&spring));
+            self.may_coincide |= old.rest_length == 0.0 || !did_act;
+            if !(did_act && acts) {
+                // Else its parameters, and with them the pulls, go on from where they are.
+                self.forget_pulls(index);
+            }
             self.elements.set(index, spring);
             self.contacts.request_search();
         }
@@ -170,6 +181,16 @@ impl State {
     fn forget_pulls(&mut self, index: usize) {
         let (ends, _) = self.spring_with_ends(index);
         ends.into_iter().for_each(|end| self.pulls.forget(end));
+    }
+
+    /// The parameters of the springs that were there when the last tick ended, as they were then.
+    pub(crate) fn past_springs(&self) -> Vec<Spring> {
+        self.elements.springs().past()
+    }
+
+    /// Takes it that a spring that was added anew was there when the last tick ended, with the parameters `past`.
+    pub(crate) fn set_past_spring(&mut self, index: usize, past: Spring) {
+        self.elements.set_past_spring(index, past);
     }
 
     /// The parameters of a spring; `None` beyond the last one. Those of an empty place are zero.

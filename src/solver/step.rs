@@ -1,13 +1,14 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
-use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
 use crate::solver::settings::{Integrator, StepSettings};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
+use crate::solver::strain_limit::StrainLimits;
 
 /// What moves the particles and planes in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
@@ -30,6 +31,7 @@ pub(crate) struct Caches {
     interleaved: Interleaved,
     scratch: Scratch,
     contacts: ContactCaches,
+    strain_limits: StrainLimits,
 }
 
 /// Advances `state` by one tick of `settings.time_step` seconds.
@@ -43,6 +45,7 @@ pub(crate) fn step(
     settings: &StepSettings,
 ) {
     state.elements.settle(state.particles.inverse_mass());
+    state.elements.begin_ramps();
     let plan = caches.plan(state, settings);
     outputs.begin_tick(plan);
     caches.prepare(state, plan);
@@ -50,17 +53,23 @@ pub(crate) fn step(
         state.particles.position.set(motion.slot, motion.start);
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
+    if std::mem::take(&mut state.may_coincide) {
+        part_coincident(&state.elements, &mut state.particles, settings.gravity);
+    }
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(&state.particles.position, &inputs.planes, settings);
-        let elapsed =
-            if index + 1 == plan.substeps { 1.0 } else { (index + 1) as f32 / plan.substeps as f32 };
+        let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         caches.advance(state, inputs, settings, pinned, plan, (index, duration));
         if outputs.record_contacts && plan.begins_implicit_step(index) {
             outputs.contacts.extend_from_slice(caches.implicit_euler.touching());
         }
         pinned.apply(&mut state.particles);
+        if state.elements.any_ramps() {
+            // Contacts see the elements as they will be at the end of the tick, as when they search anew.
+            state.elements.ramp_to(1.0);
+        }
         let substep = Substep {
             elements: &state.elements,
             planes: &inputs.planes,
@@ -78,8 +87,9 @@ pub(crate) fn step(
                 caches.contacts.for_each_touching(|slot| state.pulls.touch(slot));
             }
         }
+        caches.limit_strains(state, duration, elapsed);
     }
-    caches.contacts.end_tick(&mut state.contacts);
+    caches.end_tick(state, plan);
     state.pulls.end_tick();
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -116,10 +126,37 @@ impl Caches {
         better_order(&state.elements, &state.particles, &mut self.neighbours, islands)
     }
 
+    /// Keeps the strain limits at the end of a substep, when `elapsed` of the tick is done.
+    fn limit_strains(&mut self, state: &mut State, substep: f32, elapsed: f32) {
+        if !self.strain_limits.any() {
+            return;
+        }
+        let State { particles, elements, pulls, .. } = state;
+        let has_ramps = elements.any_ramps();
+        if has_ramps {
+            elements.ramp_to(elapsed);
+        }
+        if self.strain_limits.apply(elements, particles, substep, |slot| pulls.touch(slot)) {
+            self.scratch.disturb();
+        }
+        if has_ramps {
+            elements.ramp_to(1.0);
+        }
+    }
+
+    fn end_tick(&mut self, state: &mut State, plan: Plan) {
+        self.contacts.end_tick(&mut state.contacts);
+        if state.elements.any_ramps() && !plan.integrator.is_implicit() {
+            self.blocks.ramp_to(state.elements.springs(), 1.0);
+        }
+        state.elements.end_ramps();
+    }
+
     /// Derives what the schemes of a tick need.
     fn prepare(&mut self, state: &mut State, plan: Plan) {
         let State { particles, elements, pulls, .. } = state;
         self.scratch.begin_tick(particles.len());
+        self.strain_limits.prepare(elements, particles);
         let is_divided = plan.stiff_substeps > 0;
         if is_divided || plan.integrator == Integrator::TrBdf2 {
             pulls.begin_tick(particles.len());
@@ -163,6 +200,9 @@ impl Caches {
         let State { particles, elements, contacts, pulls, .. } = state;
         let field = settings.field();
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
+        // One substep is no way to go: the new parameters act at once.
+        let elapsed = if plan.substeps == 1 { 1.0 } else { plan.elapsed(index) };
+        let has_ramps = elements.any_ramps();
         let position = (plan.stiff_substeps > 0).then(|| {
             let count = plan.substeps / plan.stiff_substeps;
             Position { done: index % count, count, substep }
@@ -179,6 +219,9 @@ impl Caches {
         };
         if let Some(position) = position {
             let acceleration = &mut scratch.acceleration;
+            if has_ramps {
+                elements.ramp_to(plan.elapsed(step_end));
+            }
             interleaved.before_substep(
                 (&mut *implicit_euler, &mut *pulls),
                 elements,
@@ -189,8 +232,14 @@ impl Caches {
                 position,
             );
         }
-        let net = Net { elements, blocks, colouring, field, pinned, surroundings };
-        schemes::advance(plan.integrator, net, particles, scratch, (implicit_euler, pulls), substep);
+        if has_ramps {
+            elements.ramp_to(pinned.elapsed);
+            if !plan.integrator.is_implicit() {
+                blocks.ramp_to(elements.springs(), elapsed);
+            }
+        }
+        let net = Net { elements, colouring, field, pinned, surroundings, elapsed };
+        schemes::advance(plan.integrator, net, blocks, particles, scratch, (implicit_euler, pulls), substep);
         if let Some(position) = position {
             interleaved.after_substep(particles, &mut scratch.acceleration, position);
         }

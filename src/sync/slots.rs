@@ -9,6 +9,7 @@ use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
+use crate::solver;
 use crate::spring::Spring;
 
 use super::Simulation;
@@ -115,6 +116,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.simulation.fresh.clear();
         let old_entities = std::mem::take(&mut state.particles.slots);
         let old_positions = state.solver.particles.position.clone();
+        let old_springs = state.springs.slots.iter().copied();
+        let old_springs: Vec<(Entity, solver::Spring)> =
+            old_springs.zip(state.solver.past_springs()).collect();
         state.particles.reset_slots();
         state.springs.reset_slots();
         let pulls = state.solver.take_pulls();
@@ -133,10 +137,21 @@ impl Assignment<'_, '_, '_, '_, '_> {
             Some(old_positions.get(old))
         });
         self.add_new_springs();
+        self.remember_springs(&old_springs);
         self.state.solver.renumber_contacts(&new_slots);
         self.state.solver.put_back_pulls(pulls, &new_slots);
         if let Some(order) = self.simulation.caches.better_order(&self.state.solver) {
             self.reorder(&order);
+        }
+    }
+
+    /// Springs that were in the simulation before go on from the parameters that they had in the last tick.
+    fn remember_springs(&mut self, old_springs: &[(Entity, solver::Spring)]) {
+        for (entity, past) in old_springs {
+            let slot = self.candidates.springs.get(*entity).ok().and_then(|(.., slot)| slot.get());
+            if let Some(slot) = slot {
+                self.state.solver.set_past_spring(slot, *past);
+            }
         }
     }
 

@@ -83,8 +83,8 @@ pub(super) fn copy_spring(
 }
 
 pub(super) fn parameters(spring: &Spring) -> solver::Spring {
-    let Spring { rest_length, stiffness, damping, .. } = *spring;
-    solver::Spring { rest_length, stiffness, damping }
+    let Spring { rest_length, stiffness, damping, tension_only, max_stretch, .. } = *spring;
+    solver::Spring { rest_length, stiffness, damping, tension_only, max_stretch }
 }
 
 /// What can be wrong with a spring.

@@ -25,6 +25,8 @@ fn the_example_of_the_contract() {
             rest_length: Some(0.1),
             stiffness: 1000.0,
             damping: 1.0,
+            tension_only: false,
+            max_stretch: None,
         }],
         planes: vec![ScenePlane { point: Vec3::ZERO, normal: Vec3::Y, restitution: 0.5, friction: 0.0 }],
         ..MassSpringScene::default()
@@ -110,4 +112,22 @@ fn shipped_scenes_load_and_round_trip() {
     let chain = MassSpringScene::read(chain).unwrap();
     assert_eq!((chain.particles.len(), chain.springs.len(), chain.planes.len()), (20, 19, 1));
     assert!(chain.particles[0].pinned && chain.particles[0].position == Vec3::new(0.0, 3.0, 0.0));
+}
+
+/// What springs have besides: a cable with a strain limit, and one that says that it has none.
+#[test]
+fn cables_and_strain_limits_are_read_and_written() {
+    let scene = MassSpringScene::from_ron(
+        "(
+            particles: [(position: (0, 0, 0), mass: 1), (position: (1, 0, 0), mass: 1)],
+            springs: [
+                (particles: (0, 1), stiffness: 5, tension_only: true, max_stretch: Some(0.25)),
+                (particles: (0, 1), stiffness: 5, tension_only: false, max_stretch: None),
+            ],
+        )",
+    )
+    .unwrap();
+    let read: Vec<_> = scene.springs.iter().map(|spring| (spring.tension_only, spring.max_stretch)).collect();
+    assert_eq!(read, [(true, Some(0.25)), (false, None)]);
+    assert_eq!(MassSpringScene::from_ron(&scene.to_ron()).unwrap(), scene);
 }

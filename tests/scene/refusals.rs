@@ -64,6 +64,10 @@ fn bad_values_are_refused_with_place_index_and_field() {
             format!("springs[0].damping is -0.001, {not_negative}"),
         ),
         (
+            spring("particles: (0, 1), stiffness: 5, max_stretch: §Some(-0.1)"),
+            format!("springs[0].max_stretch is -0.1, {not_negative}"),
+        ),
+        (
             spring("particles: (0, 1), rest_length: §-1, stiffness: 5"),
             format!("springs[0].rest_length is -1.0, {not_negative}"),
         ),

@@ -45,7 +45,7 @@ fn add_ring(solver: &mut Solver, radius: f32, height: f32, spring: Spring) {
 /// The pile, and falling onto it a thin rope, and one so thick that it overlaps itself and is crowded.
 fn pile_with_ropes() -> Solver {
     let mut solver = pile();
-    let spring = Spring { rest_length: 0.1, stiffness: 200.0, damping: 0.2 };
+    let spring = Spring { rest_length: 0.1, stiffness: 200.0, damping: 0.2, ..Spring::default() };
     add_ring(&mut solver, 0.04, 1.4, spring);
     add_ring(&mut solver, 0.22, 2.2, spring);
     solver
@@ -61,7 +61,12 @@ fn soft_and_stiff() -> Solver {
         for link in 1..=20 {
             let place = Vec3::Y + direction * 0.1 * link as f32;
             let next = solver.add_particle(place, Vec3::ZERO, 0.1, 0.045).unwrap();
-            solver.add_spring([last, next], Spring { rest_length: 0.1, stiffness, damping: 0.3 }).unwrap();
+            solver
+                .add_spring(
+                    [last, next],
+                    Spring { rest_length: 0.1, stiffness, damping: 0.3, ..Spring::default() },
+                )
+                .unwrap();
             last = next;
         }
     }
@@ -101,12 +106,18 @@ fn interfere(solver: &mut Solver, settings: &mut StepSettings, tick: u32) {
 
 fn interfere_with_springs(solver: &mut Solver, tick: u32) {
     let last = solver.particle_count() - 1;
-    let spring = Spring { rest_length: 0.2, stiffness: 300.0, damping: 0.5 };
+    let spring = Spring { rest_length: 0.2, stiffness: 300.0, damping: 0.5, ..Spring::default() };
     match tick {
         15 | 22 | 50 => {
             solver.add_spring([2, last], spring).unwrap();
         }
         25 if solver.spring_count() > 10 => solver.remove_spring(7),
+        // A cable, a limit, and parameters on the way to others, in the middle of a run.
+        17 | 44 if solver.spring_count() > 20 => {
+            let tension_only = tick == 17;
+            solver.set_spring(12, Spring { tension_only, max_stretch: Some(0.05), ..spring }).unwrap();
+            solver.set_spring(13, Spring { max_stretch: Some(0.1), ..spring }).unwrap();
+        }
         35 => solver.set_spring(0, Spring { stiffness: 1e3, ..spring }).unwrap(),
         36 => {
             let place = solver.position(last) + Vec3::Y * 0.3;
@@ -198,7 +209,7 @@ fn a_restored_state_goes_on_alike() {
                     solver_bits(&solver)
                 })
                 .collect();
-            let spring = Spring { rest_length: 0.2, stiffness: 300.0, damping: 0.5 };
+            let spring = Spring { rest_length: 0.2, stiffness: 300.0, damping: 0.5, ..Spring::default() };
             solver.add_spring([0, 9], spring).unwrap();
             solver.remove_spring(3);
             solver.step(&settings);

@@ -18,7 +18,15 @@ fn oscillator() -> Solver {
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 1.0, 0.0).unwrap();
     state
-        .add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness: STIFFNESS, damping: 0.0 })
+        .add_spring(
+            [0, 1],
+            solver::Spring {
+                rest_length: 0.0,
+                stiffness: STIFFNESS,
+                damping: 0.0,
+                ..solver::Spring::default()
+            },
+        )
         .unwrap();
     state
 }
@@ -142,6 +150,7 @@ fn free_net() -> Solver {
                             rest_length: 0.9 * distance,
                             stiffness: 150.0 * next(),
                             damping: 0.02 * next(),
+                            ..solver::Spring::default()
                         },
                     )
                     .unwrap();
@@ -195,7 +204,12 @@ fn a_damped_spring_loses_its_energy() {
     for scheme in Integrator::named() {
         let mut state = oscillator();
         // ζ = c / (2 √(k m)) = 1/8, hω = 1/64: e^(−2ζωt) is below 1e-6 after ωt = 56, 3584 steps.
-        let damped = solver::Spring { rest_length: 0.0, stiffness: STIFFNESS, damping: 4.0 };
+        let damped = solver::Spring {
+            rest_length: 0.0,
+            stiffness: STIFFNESS,
+            damping: 4.0,
+            ..solver::Spring::default()
+        };
         state.set_spring(0, damped).unwrap();
         let settings = StepSettings { time_step: STEP / 16.0, ..settings(scheme) };
         let total = |state: &Solver| {

@@ -27,7 +27,12 @@ fn chain(links: usize, direction: Vec3, mass: f32, stiffness: impl Fn(usize) -> 
         state
             .add_spring(
                 [link, link + 1],
-                solver::Spring { rest_length: 0.1, stiffness: stiffness(link), damping: 0.0 },
+                solver::Spring {
+                    rest_length: 0.1,
+                    stiffness: stiffness(link),
+                    damping: 0.0,
+                    ..solver::Spring::default()
+                },
             )
             .unwrap();
     }
@@ -136,7 +141,10 @@ fn net(size: usize, mass: f32, stiffness: f32, damping: f32) -> Solver {
         let (x, y) = (slot % size, slot / size);
         let mut join = |other: usize, length: f32| {
             state
-                .add_spring([slot, other], solver::Spring { rest_length: length, stiffness, damping })
+                .add_spring(
+                    [slot, other],
+                    solver::Spring { rest_length: length, stiffness, damping, ..solver::Spring::default() },
+                )
                 .unwrap()
         };
         if x + 1 < size {
@@ -213,12 +221,21 @@ fn coincident_particles_and_springs_of_no_length() {
         state.add_particle(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0).unwrap();
         for (first, second) in [(0, 1), (1, 2), (2, 0)] {
             state
-                .add_spring([first, second], solver::Spring { rest_length, stiffness: 1e6, damping: 10.0 })
+                .add_spring(
+                    [first, second],
+                    solver::Spring {
+                        rest_length,
+                        stiffness: 1e6,
+                        damping: 10.0,
+                        ..solver::Spring::default()
+                    },
+                )
                 .unwrap();
         }
         let still = StepSettings { gravity: Vec3::ZERO, ..settings() };
         run(&mut state, &still, 3);
-        assert_eq!(position(&state, 1), DVec3::ZERO, "no direction, no force");
+        let has_moved = position(&state, 1) != DVec3::ZERO;
+        assert_eq!(has_moved, rest_length > 0.0, "a rest length parts its ends, in whatever direction");
         run(&mut state, &settings(), 200);
         for slot in 0..3 {
             assert!(position(&state, slot).length() < 0.2, "{}", position(&state, slot));
@@ -282,7 +299,12 @@ fn a_soft_pendulum_keeps_its_energy() {
     let mut state = Solver::default();
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::new(0.75_f32.sqrt(), -0.5, 0.0), Vec3::ZERO, 1.0, 0.0).unwrap();
-    state.add_spring([0, 1], solver::Spring { rest_length: 1.0, stiffness: 50.0, damping: 0.0 }).unwrap();
+    state
+        .add_spring(
+            [0, 1],
+            solver::Spring { rest_length: 1.0, stiffness: 50.0, damping: 0.0, ..solver::Spring::default() },
+        )
+        .unwrap();
     let settings = automatic(1.0 / 60.0);
     let total = |state: &Solver| {
         let totals = state.measure(settings.gravity);

@@ -3,8 +3,10 @@
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{Integrator, PinnedMotion, Solver, Spring, StepSettings, SubstepMode};
 
-const SOFT: Spring = Spring { rest_length: 0.1, stiffness: 1e3, damping: 0.4 };
-const STIFF: Spring = Spring { rest_length: 0.1, stiffness: 1e8, damping: 0.4 };
+const SOFT: Spring =
+    Spring { rest_length: 0.1, stiffness: 1e3, damping: 0.4, tension_only: false, max_stretch: None };
+const STIFF: Spring =
+    Spring { rest_length: 0.1, stiffness: 1e8, damping: 0.4, tension_only: false, max_stretch: None };
 
 /// What hangs from an anchor.
 #[derive(Debug, Clone, Copy)]

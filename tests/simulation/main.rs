@@ -4,7 +4,9 @@
 //! (`logging`), the allocator (`allocations`), a display (`window`).
 
 mod ambiguity;
+mod cables;
 mod caches;
+mod coincidence;
 mod collisions;
 #[path = "../common/mod.rs"]
 mod common;
@@ -24,6 +26,7 @@ mod pinning;
 mod plugins;
 mod prescribed;
 mod properties;
+mod ramps;
 #[cfg(feature = "scene")]
 mod reflection;
 mod resting;
@@ -33,5 +36,6 @@ mod second_order;
 mod snapshots;
 mod stage;
 mod stiff_contacts;
+mod strain_limit;
 mod teleports;
 mod turning;

@@ -19,7 +19,12 @@ fn chain(radius: f32) -> Solver {
         state
             .add_spring(
                 [number - 1, number],
-                solver::Spring { rest_length: 0.1, stiffness: 2000.0, damping: 0.5 },
+                solver::Spring {
+                    rest_length: 0.1,
+                    stiffness: 2000.0,
+                    damping: 0.5,
+                    ..solver::Spring::default()
+                },
             )
             .unwrap();
     }
@@ -43,7 +48,12 @@ fn net(radius: f32, stretch: f32) -> Solver {
             state
                 .add_spring(
                     [number - 1, number],
-                    solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 },
+                    solver::Spring {
+                        rest_length: 0.1,
+                        stiffness: 1000.0,
+                        damping: 0.5,
+                        ..solver::Spring::default()
+                    },
                 )
                 .unwrap();
         }
@@ -51,7 +61,12 @@ fn net(radius: f32, stretch: f32) -> Solver {
             state
                 .add_spring(
                     [number - size, number],
-                    solver::Spring { rest_length: 0.1, stiffness: 1000.0, damping: 0.5 },
+                    solver::Spring {
+                        rest_length: 0.1,
+                        stiffness: 1000.0,
+                        damping: 0.5,
+                        ..solver::Spring::default()
+                    },
                 )
                 .unwrap();
         }
@@ -138,7 +153,12 @@ fn joined_pair(rest_length: f32, radius: f32) -> Solver {
         velocity: Vec3::X * -side,
         ..Ball::at(Vec3::X * 0.15 * side)
     }));
-    state.add_spring([0, 1], solver::Spring { rest_length, stiffness: 100.0, damping: 0.0 }).unwrap();
+    state
+        .add_spring(
+            [0, 1],
+            solver::Spring { rest_length, stiffness: 100.0, damping: 0.0, ..solver::Spring::default() },
+        )
+        .unwrap();
     state
 }
 
@@ -172,8 +192,18 @@ fn a_pair_collides_unless_its_spring_is_shorter() {
 fn overlaps_held_by_springs_are_not_pushed_apart() {
     let anchor = |x: f32| Ball { mass: f32::INFINITY, radius: 0.0, ..Ball::at(Vec3::X * x) };
     let mut state = world([anchor(-1.0), anchor(1.0), Ball::at(Vec3::X * -0.05), Ball::at(Vec3::X * 0.05)]);
-    state.add_spring([0, 2], solver::Spring { rest_length: 0.95, stiffness: 100.0, damping: 5.0 }).unwrap();
-    state.add_spring([1, 3], solver::Spring { rest_length: 0.95, stiffness: 100.0, damping: 5.0 }).unwrap();
+    state
+        .add_spring(
+            [0, 2],
+            solver::Spring { rest_length: 0.95, stiffness: 100.0, damping: 5.0, ..solver::Spring::default() },
+        )
+        .unwrap();
+    state
+        .add_spring(
+            [1, 3],
+            solver::Spring { rest_length: 0.95, stiffness: 100.0, damping: 5.0, ..solver::Spring::default() },
+        )
+        .unwrap();
     let places = positions(&state);
     let settings = floating(Integrator::SemiImplicitEuler, 0.0);
     for _ in 0..60 {

@@ -12,7 +12,12 @@ fn pair(stiffness: f32, damping: f32) -> Solver {
     let mut state = Solver::default();
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 2.0, 0.0).unwrap();
-    state.add_spring([0, 1], solver::Spring { rest_length: 1.0, stiffness, damping }).unwrap();
+    state
+        .add_spring(
+            [0, 1],
+            solver::Spring { rest_length: 1.0, stiffness, damping, ..solver::Spring::default() },
+        )
+        .unwrap();
     state
 }
 

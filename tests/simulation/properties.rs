@@ -61,7 +61,12 @@ impl Net {
             state
                 .add_spring(
                     [order[first], order[second]],
-                    solver::Spring { rest_length: self.rest_length(link), stiffness, damping },
+                    solver::Spring {
+                        rest_length: self.rest_length(link),
+                        stiffness,
+                        damping,
+                        ..solver::Spring::default()
+                    },
                 )
                 .unwrap();
         }

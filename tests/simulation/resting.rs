@@ -52,7 +52,17 @@ fn a_ball_that_a_spring_presses_down_rests() {
     for scheme in Integrator::named() {
         let pinned = Ball { mass: f32::INFINITY, ..Ball::at(Vec3::Y * 1.1) };
         let mut state = with_ground(world([pinned, Ball::at(Vec3::Y * 0.1)]), 1.0, 0.0);
-        state.add_spring([0, 1], solver::Spring { rest_length: 1.5, stiffness: 1.0, damping: 0.1 }).unwrap();
+        state
+            .add_spring(
+                [0, 1],
+                solver::Spring {
+                    rest_length: 1.5,
+                    stiffness: 1.0,
+                    damping: 0.1,
+                    ..solver::Spring::default()
+                },
+            )
+            .unwrap();
         for _ in 0..1000 {
             state.step(&falling(scheme, 4));
             let found = [position(&state, 1), velocity(&state, 1)];

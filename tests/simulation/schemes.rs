@@ -17,8 +17,18 @@ fn swinging_chain() -> Solver {
     state.add_particle(Vec3::new(0.7, 1.4, 0.1), Vec3::new(0.5, -1.0, 2.0), 2.0, 0.0).unwrap();
     state.add_particle(Vec3::new(1.3, 1.2, -0.5), Vec3::new(-1.5, 1.0, 0.5), 0.5, 0.0).unwrap();
     state.set_applied_force(2, Vec3::new(0.3, 0.2, -0.4));
-    state.add_spring([0, 1], solver::Spring { rest_length: 0.8, stiffness: 80.0, damping: 1.5 }).unwrap();
-    state.add_spring([2, 1], solver::Spring { rest_length: 0.6, stiffness: 60.0, damping: 0.7 }).unwrap();
+    state
+        .add_spring(
+            [0, 1],
+            solver::Spring { rest_length: 0.8, stiffness: 80.0, damping: 1.5, ..solver::Spring::default() },
+        )
+        .unwrap();
+    state
+        .add_spring(
+            [2, 1],
+            solver::Spring { rest_length: 0.6, stiffness: 60.0, damping: 0.7, ..solver::Spring::default() },
+        )
+        .unwrap();
     state
 }
 
@@ -144,7 +154,12 @@ fn oscillator_error(scheme: Integrator, steps: u32, damping: f32) -> f64 {
     state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     state.add_particle(Vec3::X, Vec3::ZERO, 1.0, 0.0).unwrap();
     let stiffness = (OMEGA * OMEGA) as f32;
-    state.add_spring([0, 1], solver::Spring { rest_length: 0.0, stiffness, damping }).unwrap();
+    state
+        .add_spring(
+            [0, 1],
+            solver::Spring { rest_length: 0.0, stiffness, damping, ..solver::Spring::default() },
+        )
+        .unwrap();
     let settings = StepSettings {
         substeps: SubstepMode::Fixed(1),
         integrator: scheme,

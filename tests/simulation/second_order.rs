@@ -22,7 +22,7 @@ fn rope(links: usize, length: f32, [mass, load]: [f32; 2], stiffness: f32, dampi
     for link in 0..links {
         let mass = if link + 1 == links { load } else { mass };
         state.add_particle(direction * length * (link + 1) as f32, Vec3::ZERO, mass, 0.0).unwrap();
-        let spring = solver::Spring { rest_length: length, stiffness, damping };
+        let spring = solver::Spring { rest_length: length, stiffness, damping, ..solver::Spring::default() };
         state.add_spring([link, link + 1], spring).unwrap();
     }
     state
@@ -95,7 +95,7 @@ fn sheet(size: usize, stiffness: f32) -> Solver {
     for slot in 0..size * size {
         let (x, z) = (slot % size, slot / size);
         let mut join = |other: usize, rest_length: f32| {
-            let spring = solver::Spring { rest_length, stiffness, damping: 0.0 };
+            let spring = solver::Spring { rest_length, stiffness, damping: 0.0, ..solver::Spring::default() };
             state.add_spring([slot, other], spring).unwrap();
         };
         if x + 1 < size {
@@ -182,7 +182,12 @@ fn dampers_without_springs_meet_the_closed_form() {
         let mut state = Solver::default();
         state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
         state.add_particle(Vec3::X * 2.0, Vec3::X, 0.001, 0.0).unwrap();
-        let damper = solver::Spring { rest_length: 1.0, stiffness: 0.0, damping: 0.001 * rate };
+        let damper = solver::Spring {
+            rest_length: 1.0,
+            stiffness: 0.0,
+            damping: 0.001 * rate,
+            ..solver::Spring::default()
+        };
         state.add_spring([0, 1], damper).unwrap();
         let settings = StepSettings { gravity: Vec3::ZERO, ..automatic() };
         for tick in 1..=60 {

@@ -35,7 +35,8 @@ fn lattice(size: [usize; 3], inside: impl Fn(Vec3) -> bool, stiffness: f32, heig
         for (other, next) in points.iter().enumerate().skip(one + 1) {
             if (*next - *place).abs().max_element() < 1.5 {
                 let rest_length = state.position(one).distance(state.position(other));
-                let spring = solver::Spring { rest_length, stiffness, damping: 0.5 };
+                let spring =
+                    solver::Spring { rest_length, stiffness, damping: 0.5, ..solver::Spring::default() };
                 state.add_spring([one, other], spring).unwrap();
             }
         }
@@ -164,8 +165,12 @@ fn cloth_above_ball(stiffness: f32) -> Solver {
             let (k, l) = (i + di, j as isize + dj);
             if k < side && (0..side as isize).contains(&l) {
                 let l = l as usize;
-                let spring =
-                    solver::Spring { rest_length: at(i, j).distance(at(k, l)), stiffness, damping: 0.0 };
+                let spring = solver::Spring {
+                    rest_length: at(i, j).distance(at(k, l)),
+                    stiffness,
+                    damping: 0.0,
+                    ..solver::Spring::default()
+                };
                 state.add_spring([i * side + j, k * side + l], spring).unwrap();
             }
         }
@@ -270,7 +275,12 @@ fn stiff_ropes_hold_each_other() {
             let mass = if pinned && knot % links == 0 { f32::INFINITY } else { 0.01 };
             let number = state.add_particle(place, Vec3::ZERO, mass, 0.02).unwrap();
             if knot > 0 {
-                let spring = solver::Spring { rest_length: 0.0401, stiffness: 1e6, damping: 0.0 };
+                let spring = solver::Spring {
+                    rest_length: 0.0401,
+                    stiffness: 1e6,
+                    damping: 0.0,
+                    ..solver::Spring::default()
+                };
                 state.add_spring([number - 1, number], spring).unwrap();
             }
         }

@@ -13,7 +13,8 @@ fn cluster(places: &[Vec3], rate: f32) -> Solver {
     let middle = state.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     for place in places {
         let ball = state.add_particle(*place, Vec3::Z.cross(*place) * rate, 1.0, RADIUS).unwrap();
-        let spring = solver::Spring { rest_length: 0.0, stiffness: 50.0, damping: 2.0 };
+        let spring =
+            solver::Spring { rest_length: 0.0, stiffness: 50.0, damping: 2.0, ..solver::Spring::default() };
         state.add_spring([middle, ball], spring).unwrap();
     }
     state

@@ -118,7 +118,14 @@ fn pinned(position: [f32; 3], radius: f32) -> SceneParticle {
 }
 
 fn link(first: usize, second: usize, rest_length: f32, stiffness: f32, damping: f32) -> SceneSpring {
-    SceneSpring { particles: (first, second), rest_length: Some(rest_length), stiffness, damping }
+    SceneSpring {
+        particles: (first, second),
+        rest_length: Some(rest_length),
+        stiffness,
+        damping,
+        tension_only: false,
+        max_stretch: None,
+    }
 }
 
 fn ground(restitution: f32) -> Vec<ScenePlane> {

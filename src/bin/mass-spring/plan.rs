@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 use bevy_mass_spring::SubstepMode;
-use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
+use bevy_mass_spring::scene::{MassSpringScene, SceneSolver, SceneSpring};
 use bevy_mass_spring::solver::{MAX_SUBSTEPS, Plan, Solver, Spring, StepSettings};
 
 /// The particles and springs of a scene in the solver alone, each particle with the position and velocity of `state`.
@@ -15,7 +15,8 @@ pub fn solver(scene: &MassSpringScene, state: impl Fn(usize) -> [Vec3; 2]) -> So
     }
     for spring in &scene.springs {
         let rest_length = scene.rest_length(spring).unwrap_or_default();
-        let parameters = Spring { rest_length, stiffness: spring.stiffness, damping: spring.damping };
+        let SceneSpring { stiffness, damping, tension_only, max_stretch, .. } = *spring;
+        let parameters = Spring { rest_length, stiffness, damping, tension_only, max_stretch };
         solver.add_spring(spring.particles.into(), parameters).expect("the scene is valid");
     }
     solver

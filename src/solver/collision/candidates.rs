@@ -232,7 +232,8 @@ mod tests {
     use crate::solver::settings::Integrator;
 
     /// Longer than the radii: it excludes no pair.
-    const LONG: Spring = Spring { rest_length: 1.8, stiffness: 1.0, damping: 0.0 };
+    const LONG: Spring =
+        Spring { rest_length: 1.8, stiffness: 1.0, damping: 0.0, tension_only: false, max_stretch: None };
 
     fn row(spacing: f32, count: usize) -> Particles {
         let mut particles = Particles::default();

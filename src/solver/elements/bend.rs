@@ -50,7 +50,7 @@ impl<const N: usize> Element<N> for Bend<N> {
         let (stiffness, damping_rate) = (f64::from(self.stiffness), f64::from(self.damping) / step);
         let sum = stiffness + damping_rate;
         let rest_length = if damping_rate > 0.0 { damping_rate * start.length() / sum } else { 0.0 };
-        Potential { stiffness: sum, rest_length }
+        Potential { stiffness: sum, rest_length, tension_only: false }
     }
 
     fn rates(&self) -> Rates {
@@ -204,7 +204,10 @@ mod tests {
             state.add_particle(bent, velocity, inverse_mass, 0.0);
         }
         for link in 0..11 {
-            state.add_spring([link, link + 1], Spring { rest_length: 0.1, stiffness: 4.0, damping: 0.3 });
+            state.add_spring(
+                [link, link + 1],
+                Spring { rest_length: 0.1, stiffness: 4.0, damping: 0.3, ..Spring::default() },
+            );
         }
         for link in 0..10 {
             let bend = Bend { stiffness: 1.0, damping: 0.05, weights: [1.0, -2.0, 1.0] };

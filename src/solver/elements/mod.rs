@@ -9,75 +9,19 @@
 
 #[cfg(test)]
 mod bend;
+mod element;
 mod spring;
 mod table;
 
-use std::fmt::Debug;
-
-use bevy::math::{DVec3, Vec3};
+use bevy::math::DVec3;
 
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
 #[cfg(test)]
 pub(super) use bend::Bend;
+pub(super) use element::{Element, Potential, Rates};
 pub use spring::Spring;
 pub(super) use table::Table;
-
-/// What the solver asks of a kind of element with `N` ends.
-///
-/// All forces are along the separation s = Σ cᵢ xᵢ; end i feels cᵢ times the *pull*.
-pub(super) trait Element<const N: usize>: Copy + Default + Debug + Send + Sync + 'static {
-    /// The weights c, which add up to 0. Those of an element of two ends are (1, −1).
-    fn weights(&self) -> [f32; N];
-
-    /// The pull in N, from s in m and its rate in m/s. Compiled into the vectorised kernel.
-    fn pull(&self, separation: Vec3, rate: Vec3) -> Vec3;
-
-    /// The potential energy in J.
-    fn energy(&self, separation: DVec3) -> f64;
-
-    /// The same with its damper, as one [`Potential`] of a step of backward Euler of `step` seconds that begins
-    /// with the separation `start`.
-    fn potential(&self, start: DVec3, step: f64) -> Potential;
-
-    /// Coefficients for the bounds on frequencies, and for position-based dynamics.
-    fn rates(&self) -> Rates;
-
-    /// The ‖s‖ without force, m.
-    fn rest_length(&self) -> f64;
-
-    /// Whether it exerts any force: an empty place does not.
-    fn acts(&self) -> bool {
-        let Rates { stiffness, damping } = self.rates();
-        stiffness > 0.0 || damping > 0.0
-    }
-
-    /// The force along s in N with which it draws its ends together, damper included; negative where it pushes.
-    fn tension(&self, separation: DVec3, rate: DVec3) -> f64 {
-        let length = separation.length();
-        let Rates { stiffness, damping } = self.rates();
-        let speed = if length > 0.0 { rate.dot(separation) / length } else { 0.0 };
-        f64::from(stiffness) * (length - self.rest_length()) + f64::from(damping) * speed
-    }
-}
-
-/// The energy ½ k (‖s‖ − r)² of an element and its damper during one step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Potential {
-    /// k, N/m.
-    pub stiffness: f64,
-    /// r, m.
-    pub rest_length: f64,
-}
-
-/// How strongly an element reacts.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Rates {
-    /// The largest second derivative of the energy by s, N/m.
-    pub stiffness: f32,
-    /// The damping along s, N·s/m.
-    pub damping: f32,
-}
 
 /// An element that exerts forces, as the graph sees it.
 #[derive(Clone, Copy)]
@@ -135,8 +79,12 @@ macro_rules! define_elements {
             pub(super) fn for_each_acting(&self, mut visit: impl FnMut(Acting)) {
                 let mut first = 0;
                 $($(#[$meta])* {
+                    let mut ramps = self.$kind.ramps().iter().peekable();
                     self.$kind.for_each_acting(|index, ends, element| {
-                        let (weights, rates) = (&Element::weights(element), Element::rates(element));
+                        let (weights, mut rates) = (&Element::weights(element), Element::rates(element));
+                        if let Some(ramp) = ramps.next_if(|ramp| ramp.index == index) {
+                            rates = ramp.largest_rates();
+                        }
                         visit(Acting { number: first + index, ends, weights, rates });
                     });
                     first += self.$kind.len() as u32;
@@ -191,13 +139,14 @@ macro_rules! define_elements {
                 unreachable!("element {number} beyond the last one")
             }
 
-            /// See [`Element::rates`], [`Element::rest_length`].
+            /// See [`Element::rates`], [`Element::rest_length`], [`Element::tension_only`].
             #[inline]
-            pub(super) fn coefficients(&self, number: u32) -> (Rates, f64) {
+            pub(super) fn coefficients(&self, number: u32) -> (Rates, f64, bool) {
                 let mut number = number as usize;
                 $($(#[$meta])* {
                     if let Some(element) = self.$kind.element(number) {
-                        return (Element::rates(element), Element::rest_length(element));
+                        let (rates, rest_length) = (Element::rates(element), Element::rest_length(element));
+                        return (rates, rest_length, Element::tension_only(element));
                     }
                     number -= self.$kind.len();
                 })*
@@ -248,6 +197,34 @@ macro_rules! define_elements {
                 }
             }
 
+            /// Makes a ramp over the tick of what was changed since the last one. To be called before the plan of a
+            /// tick is made; again changes nothing.
+            pub(super) fn begin_ramps(&mut self) {
+                $($(#[$meta])* self.$kind.begin_ramps();)*
+            }
+
+            /// Whether anything goes from one value to another in this tick.
+            pub(super) fn any_ramps(&self) -> bool {
+                let mut any = false;
+                $($(#[$meta])* { any |= !self.$kind.ramps().is_empty(); })*
+                any
+            }
+
+            /// Gives the elements on ramps the parameters that they have when `share` of the tick is done. No
+            /// cache takes note: each knows what it must.
+            pub(super) fn ramp_to(&mut self, share: f32) {
+                $($(#[$meta])* self.$kind.ramp_to(share);)*
+            }
+
+            /// Forgets the ramps, after a tick.
+            pub(super) fn end_ramps(&mut self) {
+                let mut any = false;
+                $($(#[$meta])* { any |= self.$kind.end_ramps(); })*
+                if any {
+                    self.versions.rates = Version::new();
+                }
+            }
+
             /// Starts a new list of what has changed: the caches know all that is in the old one.
             pub(super) fn reset_edits(&mut self) {
                 $($(#[$meta])* self.$kind.reset_edits();)*
@@ -271,6 +248,8 @@ struct Versions {
     rates: Version,
     /// In their ends, and whether they act.
     ends: Version,
+    /// In the ends of those that have a strain limit.
+    limits: Version,
     /// What has changed since this version is listed.
     edited_since: Version,
 }
@@ -279,7 +258,7 @@ impl Versions {
     /// Everything may be other than before.
     fn reset(&mut self) {
         let new = Version::new();
-        *self = Self { all: new, rates: new, ends: new, edited_since: new };
+        *self = Self { all: new, rates: new, ends: new, limits: new, edited_since: new };
     }
 }
 
@@ -297,6 +276,9 @@ impl Elements {
     {
         let new = Version::new();
         self.versions = Versions { all: new, rates: new, ends: new, ..self.versions };
+        if element.max_stretch().is_some() {
+            self.versions.limits = new;
+        }
         self.table_mut().push(ends, element)
     }
 
@@ -313,6 +295,13 @@ impl Elements {
         if old.acts() != element.acts() {
             self.versions.ends = self.versions.all;
         }
+        if old.max_stretch().is_some() != element.max_stretch().is_some() {
+            self.versions.limits = self.versions.all;
+        }
+        if old.tension_only() != element.tension_only() {
+            // It belongs into another run.
+            self.versions.edited_since = self.versions.all;
+        }
     }
 
     /// Empties the place of an element. It leaves all that is derived from the elements at once.
@@ -320,7 +309,14 @@ impl Elements {
     where
         Self: Holds<E, N>,
     {
-        self.set(index, E::default());
+        let emptied = self.table().element(index).map(E::emptied).unwrap_or_default();
+        self.set(index, emptied);
+    }
+
+    /// See [`Table::set_past`].
+    pub(super) fn set_past_spring(&mut self, index: usize, past: Spring) {
+        self.springs.set_past(index, past);
+        self.versions.rates = Version::new();
     }
 
     /// Removes all elements.
@@ -352,6 +348,11 @@ impl Elements {
     /// Changes when elements get other ends, begin or cease to act.
     pub(super) fn ends_version(&self) -> Version {
         self.versions.ends
+    }
+
+    /// Changes when elements with a strain limit are added or removed.
+    pub(super) fn limits_version(&self) -> Version {
+        self.versions.limits
     }
 
     /// Whether the tables list what has changed since `version`, apart from added elements.

@@ -1,6 +1,6 @@
 //! The elements of one kind: their ends, their parameters, and which of these have changed.
 
-use super::{Element, MAX_UNSORTED};
+use super::{Element, MAX_UNSORTED, Rates};
 
 /// The elements of one kind, each in a place of its own for as long as it exists.
 ///
@@ -18,11 +18,53 @@ pub(in crate::solver) struct Table<E, const N: usize> {
     /// The places that have changed since [`reset_edits`](Self::reset_edits).
     #[cfg_attr(feature = "serialize", serde(skip))]
     edits: Vec<u32>,
+    /// Number of places when the last tick ended: what was added since then has no past.
+    ticked: usize,
+    /// What was changed since the last tick, with what it was then. In a tick by place, one entry each.
+    ramps: Vec<Ramp<E>>,
+}
+
+/// An element whose parameters go from one value to another within a tick.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(in crate::solver) struct Ramp<E> {
+    /// Its place.
+    pub index: u32,
+    /// The parameters at the start of the tick.
+    from: E,
+    /// Those at its end.
+    to: E,
 }
 
 impl<E, const N: usize> Default for Table<E, N> {
     fn default() -> Self {
-        Self { ends: Vec::new(), elements: Vec::new(), anchored: Vec::new(), edits: Vec::new() }
+        Self {
+            ends: Vec::new(),
+            elements: Vec::new(),
+            anchored: Vec::new(),
+            edits: Vec::new(),
+            ticked: 0,
+            ramps: Vec::new(),
+        }
+    }
+}
+
+impl<E> Ramp<E> {
+    /// The parameters when `share` of the tick is done.
+    pub fn at<const N: usize>(&self, share: f32) -> E
+    where
+        E: Element<N>,
+    {
+        if share == 1.0 { self.to } else { self.from.between(&self.to, share) }
+    }
+
+    /// The largest coefficients on the way.
+    pub fn largest_rates<const N: usize>(&self) -> Rates
+    where
+        E: Element<N>,
+    {
+        let (from, to) = (self.from.rates(), self.to.rates());
+        Rates { stiffness: from.stiffness.max(to.stiffness), damping: from.damping.max(to.damping) }
     }
 }
 
@@ -41,7 +83,55 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
     /// Replaces the parameters of an element; the old ones.
     pub(super) fn set(&mut self, index: usize, element: E) -> E {
         self.edits.push(index as u32);
-        std::mem::replace(&mut self.elements[index], element)
+        let old = std::mem::replace(&mut self.elements[index], element);
+        if index < self.ticked {
+            self.ramps.push(Ramp { index: index as u32, from: old, to: element });
+        }
+        old
+    }
+
+    /// Takes it that an element had the parameters `past` when the last tick ended.
+    pub(super) fn set_past(&mut self, index: usize, past: E) {
+        self.ramps.push(Ramp { index: index as u32, from: past, to: self.elements[index] });
+    }
+
+    /// The parameters of the elements that were there when the last tick ended, as they were then.
+    pub fn past(&self) -> Vec<E> {
+        let mut past = self.elements[..self.ticked].to_vec();
+        for ramp in self.ramps.iter().rev() {
+            if let Some(past) = past.get_mut(ramp.index as usize) {
+                *past = ramp.from;
+            }
+        }
+        past
+    }
+
+    /// What goes from one value to another in this tick.
+    pub fn ramps(&self) -> &[Ramp<E>] {
+        &self.ramps
+    }
+
+    /// Makes a ramp of all changes since the last tick to an element. What did not act, or ceases to, has none.
+    pub(super) fn begin_ramps(&mut self) {
+        self.ramps.sort_by_key(|ramp| ramp.index);
+        self.ramps.dedup_by_key(|ramp| ramp.index);
+        self.ramps.iter_mut().for_each(|ramp| ramp.to = self.elements[ramp.index as usize]);
+        self.ramps.retain(|ramp| ramp.from.acts() && ramp.to.acts() && ramp.from != ramp.to);
+    }
+
+    /// Gives the elements on ramps the parameters that they have when `share` of the tick is done.
+    pub(super) fn ramp_to(&mut self, share: f32) {
+        for ramp in &self.ramps {
+            self.elements[ramp.index as usize] = ramp.at(share);
+        }
+    }
+
+    /// Forgets all ramps, after a tick; returns whether the coefficients of any were others than they are now.
+    pub(super) fn end_ramps(&mut self) -> bool {
+        self.ticked = self.len();
+        let any = self.ramps.iter().any(|ramp| ramp.from.rates() != ramp.to.rates());
+        self.ramps.clear();
+        any
     }
 
     /// The parameters of an element; `None` beyond the last one.
@@ -111,7 +201,7 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
 
     /// Calls `visit` for each element that exerts forces: its index, its ends and itself.
     #[inline(always)]
-    pub(super) fn for_each_acting(&self, mut visit: impl FnMut(u32, &[u32; N], &E)) {
+    pub fn for_each_acting(&self, mut visit: impl FnMut(u32, &[u32; N], &E)) {
         for (index, (ends, element)) in (0..).zip(self.ends.iter().zip(&self.elements)) {
             if element.acts() {
                 visit(index, ends, element);

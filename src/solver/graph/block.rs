@@ -22,6 +22,8 @@ pub(in crate::solver) struct Run {
     pub start: u32,
     /// Whether the block owns the lower and the upper ends.
     pub owned: [bool; 2],
+    /// Whether all its springs only pull, or none does.
+    pub tension_only: bool,
     /// Stiffness and damping, if they are those of all its springs: less to read.
     pub material: Option<[f32; 2]>,
 }
@@ -102,6 +104,7 @@ impl Block {
         let consecutive = |one: &Entry, next: &Entry| {
             (one.tile, one.owned, one.offset, one.lower + 1)
                 == (next.tile, next.owned, next.offset, next.lower)
+                && spring_of(one).tension_only == spring_of(next).tension_only
         };
         let groups = || entries.chunk_by(consecutive);
         for group in groups().filter(|group| group.len() >= MIN_RUN) {
@@ -113,10 +116,11 @@ impl Block {
                 count: group.len() as u32,
                 start: self.springs.len() as u32,
                 owned: [owned != Owned::Upper, owned != Owned::Lower],
+                tension_only: spring_of(&group[0]).tension_only,
                 material: is_uniform.then(|| material(&group[0])),
             });
             for entry in group {
-                let Spring { rest_length, stiffness, damping } = spring_of(entry);
+                let Spring { rest_length, stiffness, damping, .. } = spring_of(entry);
                 self.rest_length.push(rest_length);
                 self.stiffness.push(stiffness);
                 self.damping.push(damping);

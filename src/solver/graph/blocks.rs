@@ -6,8 +6,7 @@
 //!
 //! Within a block springs are sorted by the offset between their two slots, then by slot. Ropes, cloths and
 //! lattices then fall into long *runs*, in which the first ends are consecutive and the second ends too: eight
-//! springs are loaded, computed and stored at a time without gathering. What is left over is *loose* and taken
-//! one by one.
+//! springs are loaded, computed and stored at a time without gathering. The others are *loose*, taken one by one.
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
@@ -23,8 +22,7 @@ use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
 
 /// From about this number of particles and springs together on it pays to wake other threads. Measured: a rope of
-/// 10,000 (20,000 of them) takes two threads a twentieth longer than one, a cloth of 70² (34,000) a twelfth
-/// less.
+/// 10,000 (20,000) takes two threads a twentieth longer than one, a cloth of 70² (34,000) a twelfth less.
 const MIN_SHARED: usize = 25_000;
 
 macro_rules! define_list_others {
@@ -81,19 +79,30 @@ impl Blocks {
         (excluded, is_excluded): (Version, impl Fn(usize) -> bool),
     ) {
         let count = particles.len();
-        if self.version == elements.version() && self.particles == count && self.excluded == excluded {
+        if (self.version, self.particles, self.excluded) == (elements.version(), count, excluded) {
             return;
         }
         let only_springs = elements.len() == elements.springs().len();
-        let can_update =
-            elements.lists_edits_since(self.version) && only_springs && excluded == Version::default();
-        if can_update && self.excluded == excluded && !self.blocks.is_empty() {
+        let is_listed = elements.lists_edits_since(self.version) && only_springs;
+        let is_whole = excluded == Version::default() && self.excluded == excluded;
+        if is_listed && is_whole && !self.blocks.is_empty() {
             self.update(elements.springs(), elements.sorted_particles(), count);
         } else {
             self.build(elements, count, is_excluded);
         }
         (self.version, self.excluded) = (elements.version(), excluded);
         elements.reset_edits();
+    }
+
+    /// Gives the springs on ramps the parameters that they have when `share` of the tick is done.
+    pub fn ramp_to(&mut self, springs: &Table<Spring, 2>, share: f32) {
+        springs.ramps().iter().for_each(|ramp| self.set_parameters(ramp.index as usize, ramp.at(share)));
+    }
+
+    fn set_parameters(&mut self, index: usize, spring: Spring) {
+        for place in self.places[index].into_iter().flatten() {
+            self.blocks[place.block as usize].set_parameters(place.index as usize, spring);
+        }
     }
 
     /// Changes when a block gets other slots.
@@ -168,9 +177,8 @@ impl Blocks {
                 *place = Some(Place { block: number as u32, index });
             }
         }
-        for index in (0..springs.sorted()).filter(|index| springs.is_anchored(*index)) {
-            self.add_spring(springs, index);
-        }
+        let anchored = (0..springs.sorted()).filter(|index| springs.is_anchored(*index));
+        anchored.for_each(|index| self.add_spring(springs, index));
         for index in springs.sorted()..springs.len() {
             self.places.push([None; 2]);
             self.add_spring(springs, index);
@@ -239,12 +247,8 @@ impl Blocks {
             self.places.push([None; 2]);
             self.add_spring(springs, index);
         }
-        for &index in springs.edits() {
-            let spring = springs.elements()[index as usize];
-            for place in self.places[index as usize].into_iter().flatten() {
-                self.blocks[place.block as usize].set_parameters(place.index as usize, spring);
-            }
-        }
+        let edits = springs.edits().iter().map(|index| *index as usize);
+        edits.for_each(|index| self.set_parameters(index, springs.elements()[index]));
     }
 
     /// Puts added particles into blocks of their own, as [`Layout::ranges`] does.
@@ -308,7 +312,7 @@ mod tests {
     }
 
     fn spring(rest_length: f32) -> Spring {
-        Spring { rest_length, stiffness: 1.0, damping: 0.0 }
+        Spring { rest_length, stiffness: 1.0, damping: 0.0, ..Spring::default() }
     }
 
     /// Each spring as (lower, upper, rest length), once for each of its ends that a block owns.
@@ -338,11 +342,10 @@ mod tests {
 
     fn expected(elements: &Elements) -> Vec<(u32, u32, u32)> {
         let springs = elements.springs().all_ends().iter().zip(elements.springs().elements());
-        let mut expected: Vec<_> = springs
-            .flat_map(|(&[first, second], spring)| {
-                [(first.min(second), first.max(second), spring.rest_length.to_bits()); 2]
-            })
-            .collect();
+        let twice = |(&[first, second], spring): (&[u32; 2], &Spring)| {
+            [(first.min(second), first.max(second), spring.rest_length.to_bits()); 2]
+        };
+        let mut expected: Vec<_> = springs.flat_map(twice).collect();
         expected.sort_unstable();
         expected
     }

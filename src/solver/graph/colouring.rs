@@ -83,7 +83,8 @@ mod tests {
     fn elements_of_one_colour_share_no_free_particle() {
         let (mut elements, mut particles) = (Elements::default(), Particles::default());
         for ends in [[0, 1], [1, 2], [2, 3], [3, 1], [0, 3]] {
-            elements.push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+            elements
+                .push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         for inverse_mass in [0.0, 1.0, 1.0, 1.0] {
             particles.push(Vec3::ZERO, Vec3::ZERO, inverse_mass, 0.0);

@@ -221,7 +221,8 @@ mod tests {
     fn eliminations(links: &[[u32; 2]], bends: &[[u32; 3]], inverse_mass: &[f32]) -> Vec<Elimination> {
         let (mut elements, mut particles) = (Elements::default(), Particles::default());
         for link in links {
-            elements.push(*link, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+            elements
+                .push(*link, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         for bend in bends {
             elements.push(*bend, Bend { stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] });

@@ -191,7 +191,8 @@ mod tests {
     fn springs(ends: &[[u32; 2]]) -> Elements {
         let mut elements = Elements::default();
         for &ends in ends {
-            elements.push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+            elements
+                .push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         elements
     }
@@ -224,7 +225,7 @@ mod tests {
         assert!(has_loops(&ring, &particles) && islands(&ring, &particles).all()[0].has_loops);
         ring.remove::<Spring, 2>(2);
         assert!(!has_loops(&ring, &particles) && !islands(&ring, &particles).all()[0].has_loops);
-        ring.push([2, 3], Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+        ring.push([2, 3], Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         assert!(has_loops(&ring, &particles));
         let mut held = particles.clone();
         held.set_inverse_mass(1, 0.0);

@@ -151,7 +151,7 @@ mod tests {
     fn the_blocks_of_an_island_do_not_depend_on_what_is_before_it() {
         let rope = |elements: &mut Elements, start: u32, count: u32| {
             for slot in start + 1..start + count {
-                let spring = Spring { rest_length: 0.1, stiffness: 1.0, damping: 0.0 };
+                let spring = Spring { rest_length: 0.1, stiffness: 1.0, damping: 0.0, ..Spring::default() };
                 elements.push([slot - 1, slot], spring);
             }
         };

@@ -7,6 +7,7 @@
 
 pub(super) mod block;
 mod blocks;
+mod coincidence;
 mod colouring;
 mod coupling;
 mod elimination;
@@ -14,18 +15,21 @@ mod exclusions;
 mod hierarchy;
 mod islands;
 mod layout;
+mod limits;
 mod neighbours;
 mod nets;
 mod order;
 
 use crate::solver::elements::MAX_ENDS;
 pub(super) use blocks::Blocks;
+pub(super) use coincidence::part_coincident;
 pub(super) use colouring::Colouring;
 pub(super) use coupling::{Coupling, for_each_coupling};
 pub(super) use elimination::{Elimination, NodeRun};
 pub(super) use exclusions::{Exclusions, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
 pub(super) use islands::{IslandSet, Islands, has_loops};
+pub(super) use limits::{LimitGroup, Limits};
 pub(super) use neighbours::Neighbours;
 pub(crate) use nets::Nets;
 pub(super) use order::better_order;

@@ -58,7 +58,8 @@ mod tests {
     fn a_net_is_all_that_springs_join_and_a_removed_spring_divides_it() {
         let mut elements = Elements::default();
         for ends in [[4, 1], [1, 2], [3, 6], [2, 4]] {
-            elements.push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0 });
+            elements
+                .push(ends, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         let mut nets = Nets::default();
         nets.refresh(&elements, 7);

@@ -80,7 +80,10 @@ fn add_runs(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: u
             // What is left after a chunk fills a vector, or there is none.
             let left = count - done;
             let chunk = if left < CHUNK + LANES { left } else { CHUNK };
-            run_forces(block, run, done, chunk, motion, &mut forces);
+            match run.tension_only {
+                false => run_forces::<false>(block, run, done, chunk, motion, &mut forces),
+                true => run_forces::<true>(block, run, done, chunk, motion, &mut forces),
+            }
             let lower = (run.lower as usize + done).wrapping_sub(start);
             let upper = (run.upper as usize + done).wrapping_sub(start);
             if run.owned == [true; 2] && offset <= LANES {
@@ -138,7 +141,14 @@ fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize,
 
 /// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
 #[inline(always)]
-fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motion, forces: &mut Forces) {
+fn run_forces<const TENSION_ONLY: bool>(
+    block: &Block,
+    run: &Run,
+    done: usize,
+    chunk: usize,
+    motion: Motion,
+    forces: &mut Forces,
+) {
     let lanes = |array: &'_ [f32], at: usize| -> [f32; LANES] {
         array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
     };
@@ -166,8 +176,13 @@ fn run_forces(block: &Block, run: &Run, done: usize, chunk: usize, motion: Motio
                     lower[2][lane] - upper[2][lane],
                 )
             };
-            let spring =
-                Spring { rest_length: rest_length[lane], stiffness: stiffness[lane], damping: damping[lane] };
+            let spring = Spring {
+                rest_length: rest_length[lane],
+                stiffness: stiffness[lane],
+                damping: damping[lane],
+                tension_only: TENSION_ONLY,
+                max_stretch: None,
+            };
             let pull = spring
                 .pull(between(&lower_position, &upper_position), between(&lower_velocity, &upper_velocity));
             pulls[0][lane] = pull.x;

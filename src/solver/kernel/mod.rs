@@ -211,14 +211,19 @@ mod tests {
                     // One in three the other way round, and a softer one here and there.
                     let ends = if slot % 3 == 0 { [other, slot] } else { [slot, other] };
                     let stiffness = if slot % 500 == 7 { 20.0 } else { 80.0 };
-                    let spring = Spring { rest_length: 1.0 + wobble(slot, 11), stiffness, damping: 0.5 };
+                    let spring = Spring {
+                        rest_length: 1.0 + wobble(slot, 11),
+                        stiffness,
+                        damping: 0.5,
+                        ..Spring::default()
+                    };
                     elements.push(ends.map(|end| end as u32), spring);
                 }
             }
         }
         for slot in (0..count).step_by(61) {
             let far = slot * 31 % count + 1;
-            let spring = Spring { rest_length: 5.0, stiffness: 3.0, damping: 0.1 };
+            let spring = Spring { rest_length: 5.0, stiffness: 3.0, damping: 0.1, ..Spring::default() };
             elements.push([slot as u32, far as u32], spring);
             let ends = [slot as u32, (slot + 5) as u32, far as u32];
             elements.push(ends, Bend { stiffness: 0.5, damping: 0.1, weights: [1.0, -2.0, 1.0] });
@@ -299,7 +304,10 @@ mod tests {
         particles.push(Vec3::new(0.1, 0.7, -0.3), velocities[0], inverse_mass, 0.0);
         particles.push(Vec3::new(-0.4, 0.2, 0.9), velocities[1], inverse_mass, 0.0);
         if springs {
-            elements.push([0, 1], Spring { rest_length: 0.3, stiffness: 123.4, damping: 5.6 });
+            elements.push(
+                [0, 1],
+                Spring { rest_length: 0.3, stiffness: 123.4, damping: 5.6, ..Spring::default() },
+            );
         }
         let blocks = Blocks::of(elements, &particles);
         (particles, blocks)

@@ -57,7 +57,11 @@ impl Scratch {
 /// What an explicit scheme works on.
 struct Stage<'a> {
     particles: &'a mut Particles,
-    blocks: &'a Blocks,
+    blocks: &'a mut Blocks,
+    /// What the blocks know of the elements, but for those on ramps.
+    elements: &'a Elements,
+    /// The parts of the tick that are done at the start and at the end of the substep.
+    elapsed: [f32; 2],
     field: Field,
     /// Where the pinned particles are at the end of the substep.
     pinned: PinnedMotions<'a>,
@@ -66,6 +70,13 @@ struct Stage<'a> {
 }
 
 impl Stage<'_> {
+    /// Gives springs on ramps the parameters that they have when `share` of the substep is done.
+    fn ramp_to(&mut self, share: f32) {
+        let [start, end] = self.elapsed;
+        let elapsed = if share == 1.0 { end } else { start + share * (end - start) };
+        self.blocks.ramp_to(self.elements.springs(), elapsed);
+    }
+
     /// Evaluates the accelerations at the present state.
     fn evaluate(&mut self) {
         kernel::evaluate(Motion::of(self.particles), self.blocks, self.field, self.acceleration);
@@ -76,27 +87,32 @@ impl Stage<'_> {
 #[derive(Clone, Copy)]
 pub(super) struct Net<'a> {
     pub elements: &'a Elements,
-    pub blocks: &'a Blocks,
     pub colouring: &'a Colouring,
     pub field: Field,
     /// Where the pinned particles are at the end of the substep.
     pub pinned: PinnedMotions<'a>,
     /// What an implicit step may touch.
     pub surroundings: Surroundings<'a>,
+    /// The part of the tick that is done at the start of the substep.
+    pub elapsed: f32,
 }
 
-/// Advances positions and velocities by one substep of `substep` seconds of a named `integrator`.
+/// Advances positions and velocities by one substep of `substep` seconds of a named `integrator`. The elements are
+/// those at the end of the substep, the blocks those at its start.
 pub(super) fn advance(
     integrator: Integrator,
     net: Net,
+    blocks: &mut Blocks,
     particles: &mut Particles,
     scratch: &mut Scratch,
     (implicit_euler, pulls): (&mut ImplicitEuler, &mut Pulls),
     substep: f32,
 ) {
-    let Net { elements, blocks, colouring, field, pinned, surroundings } = net;
+    let Net { elements, field, pinned, surroundings, .. } = net;
     let Scratch { acceleration, steps, xpbd } = scratch;
-    let mut stage = Stage { particles, blocks, field, pinned, acceleration, scratch: steps };
+    let elapsed = [net.elapsed, pinned.elapsed];
+    let mut stage =
+        Stage { particles, blocks, elements, elapsed, field, pinned, acceleration, scratch: steps };
     match integrator {
         Integrator::ExplicitEuler => explicit_euler::advance(&mut stage, substep),
         Integrator::Auto | Integrator::SemiImplicitEuler => semi_implicit_euler::advance(&mut stage, substep),
@@ -125,7 +141,7 @@ pub(super) fn advance(
                 substep,
             );
         }
-        Integrator::Xpbd => xpbd.advance(net, colouring, stage.particles, stage.acceleration, substep),
+        Integrator::Xpbd => xpbd.advance(net, stage.blocks, stage.particles, stage.acceleration, substep),
     }
 }
 

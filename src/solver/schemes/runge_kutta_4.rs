@@ -6,8 +6,8 @@
 
 use super::{Stage, add_scaled, set_to_sum};
 
-/// For each stage: its weight in the sum, and how far along its slope the next stage starts, in h.
-const STAGES: [(f32, f32); 4] = [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)];
+/// For each stage: when it is, in h, its weight in the sum, and how far along its slope the next stage starts, in h.
+const STAGES: [(f32, f32, f32); 4] = [(0.0, 1.0, 0.5), (0.5, 2.0, 0.5), (0.5, 2.0, 1.0), (1.0, 1.0, 0.0)];
 
 pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let count = stage.particles.len();
@@ -17,7 +17,8 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
         slope.resize(0);
         slope.resize(count);
     }
-    for (weight, reach) in STAGES {
+    for (time, weight, reach) in STAGES {
+        stage.ramp_to(time);
         stage.evaluate();
         let Stage { particles, acceleration, scratch, .. } = stage;
         add_scaled(&mut scratch.position_slope, weight, &particles.velocity);

@@ -35,7 +35,7 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     if stage.scratch.carried == Carried::Nothing {
         stage.evaluate();
     }
-    let Stage { particles, blocks, field, pinned, acceleration, scratch } = stage;
+    let Stage { particles, blocks, field, acceleration, scratch, .. } = stage;
     let (other_velocity, other_acceleration) = (&mut scratch.velocity, &mut scratch.velocity_slope);
     other_velocity.resize(particles.len());
     other_acceleration.resize(particles.len());
@@ -55,7 +55,10 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     });
 
     // The next substep may have to evaluate a' again, with the pinned where they are then, to the bit.
-    pinned.apply(particles);
+    stage.pinned.apply(stage.particles);
+    stage.ramp_to(1.0);
+    let Stage { particles, blocks, field, acceleration, scratch, .. } = stage;
+    let (other_velocity, other_acceleration) = (&mut scratch.velocity, &mut scratch.velocity_slope);
     let motion = Motion::of(particles);
     let written = blocks.split(other_acceleration.axes_mut()).zip(blocks.split(other_velocity.axes_mut()));
     let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(written);

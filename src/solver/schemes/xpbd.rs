@@ -19,7 +19,7 @@ use bevy::math::{DVec3, Vec3};
 
 use super::Net;
 use crate::solver::elements::Elements;
-use crate::solver::graph::{Colouring, Linked};
+use crate::solver::graph::{Blocks, Linked};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors, set};
 use crate::solver::settings::Field;
@@ -50,12 +50,12 @@ impl Xpbd {
     pub fn advance(
         &mut self,
         net: Net,
-        colouring: &Colouring,
+        blocks: &Blocks,
         particles: &mut Particles,
         acceleration: &mut Vectors,
         substep: f32,
     ) {
-        let Net { elements, blocks, field, .. } = net;
+        let Net { elements, colouring, field, .. } = net;
         let h = f64::from(substep);
         // Even few blocks are worth it: an element costs several times what it does where only forces are computed.
         let is_shared = blocks.blocks.len() > 1;
@@ -132,9 +132,17 @@ impl Piece<'_> {
                 continue;
             }
             let direction = separation / length;
-            let (rates, rest_length) = elements.coefficients(linked.element);
+            let (rates, rest_length, tension_only) = elements.coefficients(linked.element);
             let (stiffness, damping) = (f64::from(rates.stiffness) * h * h, f64::from(rates.damping) * h);
-            let pull = stiffness * (length - rest_length) + damping * direction.dot(separation - start);
+            let mut stretched = direction.dot(separation - start);
+            if tension_only {
+                // The damper acts on what is beyond the rest length.
+                stretched = stretched.min(length - rest_length);
+            }
+            let pull = stiffness * (length - rest_length) + damping * stretched;
+            if tension_only && pull <= 0.0 {
+                continue;
+            }
             let impulse = direction * (-pull / (1.0 + (stiffness + damping) * mobility));
             for (end, weight) in ends() {
                 let place = end.wrapping_sub(self.first);

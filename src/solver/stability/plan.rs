@@ -40,6 +40,11 @@ impl Plan {
         let steps = if self.stiff_substeps > 0 { self.stiff_substeps } else { self.substeps };
         self.is_implicit() && index.is_multiple_of(self.substeps / steps)
     }
+
+    /// The part of the tick that is done after a number of substeps.
+    pub(in crate::solver) fn elapsed(&self, substeps: u32) -> f32 {
+        if substeps == self.substeps { 1.0 } else { substeps as f32 / self.substeps as f32 }
+    }
 }
 
 /// Makes plans; the bounds that they follow from are computed again only when these have changed.
@@ -222,7 +227,8 @@ pub(super) mod tests {
         let (mut elements, mut particles) = (Elements::default(), Particles::default());
         inverse_mass.iter().for_each(|inverse| particles.push(Vec3::ZERO, Vec3::ZERO, *inverse, 0.0));
         for &(first, second, stiffness, damping) in springs {
-            elements.push([first, second], Spring { rest_length: 1.0, stiffness, damping });
+            elements
+                .push([first, second], Spring { rest_length: 1.0, stiffness, damping, ..Spring::default() });
         }
         (elements, particles)
     }

@@ -63,8 +63,12 @@ impl Linearised {
     /// that the Hessian is positive semi-definite.
     #[inline]
     fn linearise(&mut self, separation: DVec3) -> Contribution {
-        let Potential { stiffness, rest_length } = self.potential;
+        let Potential { stiffness, rest_length, tension_only } = self.potential;
         let squared = separation.length_squared();
+        if tension_only && squared <= rest_length * rest_length {
+            self.direction = if squared > 0.0 { separation / squared.sqrt() } else { DVec3::ZERO };
+            return Contribution { energy: 0.0, force: DVec3::ZERO, along: 0.0, across: 0.0 };
+        }
         if squared == 0.0 {
             self.direction = DVec3::ZERO;
             let across = if rest_length == 0.0 { stiffness } else { 0.0 };

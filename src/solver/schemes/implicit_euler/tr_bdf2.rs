@@ -137,11 +137,13 @@ impl Stages {
             let direction = if length > 0.0 { separation / length } else { DVec3::ZERO };
             let rate = direction.dot(speed);
             lengths.push(Length { length, rate });
-            let (rates, rest_length) = elements.coefficients(number);
+            let (rates, rest_length, tension_only) = elements.coefficients(number);
             shortest = shortest.min(length.max(rest_length));
             if wanted {
                 let tension =
                     f64::from(rates.stiffness) * (length - rest_length) + f64::from(rates.damping) * rate;
+                let is_slack = tension_only && (length <= rest_length || tension < 0.0);
+                let tension = if is_slack { 0.0 } else { tension };
                 for (node, weight) in ends().filter(|(node, _)| *node < elimination.free) {
                     let inverse_mass = f64::from(particles.inverse_mass()[elimination.slots[node] as usize]);
                     pull[node] -= direction * (tension * weight * inverse_mass);
@@ -315,8 +317,10 @@ fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Mot
             (mass * field.gravity.as_dvec3() + particles.applied_force.get(slot).as_dvec3()).dot(position);
     }
     let mut stretch = |number: u32, separation: DVec3| {
-        let (rates, rest_length) = elements.coefficients(number);
-        potential += 0.5 * f64::from(rates.stiffness) * (separation.length() - rest_length).powi(2);
+        let (rates, rest_length, tension_only) = elements.coefficients(number);
+        let elongation = separation.length() - rest_length;
+        let elongation = if tension_only { elongation.max(0.0) } else { elongation };
+        potential += 0.5 * f64::from(rates.stiffness) * elongation.powi(2);
     };
     for (&number, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
         stretch(number, motion(first as usize).position - motion(second as usize).position);

@@ -1,0 +1,159 @@
+//! Springs whose two ends are in the very same place have no direction: they are given one.
+//!
+//! It is given by parting the ends by a thousandth of the rest length, once, before a tick; from there on every
+//! scheme knows where to push. What is held is left where it is, and what hangs on it is parted from it along
+//! gravity, link by link: so a rope that was spawned in one point unfolds downwards. The springs of an island are told
+//! apart by their order in it, so that each goes another way, and an island moves as it would alone.
+
+use bevy::math::{DVec3, Vec3, ops};
+
+use super::islands::Forest;
+use crate::solver::buckets::Buckets;
+use crate::solver::elements::Elements;
+use crate::solver::particles::Particles;
+
+/// How far the ends are parted, as a part of the rest length.
+const PARTING: f64 = 1e-3;
+
+/// The same in roundings of their coordinates, at least.
+const MIN_ROUNDINGS: f64 = 32.0;
+
+/// How far directions differ from gravity: enough that siblings part too.
+const TILT: f32 = 0.05;
+
+/// A spring without a direction.
+struct Knot {
+    ends: [u32; 2],
+    rest_length: f32,
+}
+
+/// Parts the coincident ends of springs with a rest length, and leaves the centre of mass of what is free where it is.
+pub(in crate::solver) fn part_coincident(elements: &Elements, particles: &mut Particles, gravity: Vec3) {
+    let (knots, is_held) = find(elements, particles);
+    if knots.is_empty() {
+        return;
+    }
+    let mut forest = Forest::new(particles.len());
+    for [first, second] in knots.iter().map(|knot| knot.ends.map(|end| end as usize)) {
+        if !particles.is_pinned(first) && !particles.is_pinned(second) {
+            forest.join(first, second);
+        }
+    }
+    // The clusters, in the order of their first knots.
+    let mut cluster_of_root = vec![u32::MAX; particles.len()];
+    let mut clusters = 0;
+    let cluster_of: Vec<usize> = knots
+        .iter()
+        .map(|knot| {
+            let free = knot.ends.into_iter().find(|end| !particles.is_pinned(*end as usize));
+            let root = forest.root(free.expect("a spring that acts on nothing is no knot") as usize);
+            if cluster_of_root[root] == u32::MAX {
+                cluster_of_root[root] = clusters;
+                clusters += 1;
+            }
+            cluster_of_root[root] as usize
+        })
+        .collect();
+    let mut members = Buckets::default();
+    members.fill(clusters as usize, |add| {
+        (0..).zip(&cluster_of).for_each(|(knot, cluster)| add(*cluster, knot));
+    });
+    let mut unfolding = Unfolding { knots: &knots, is_held, offsets: vec![None; particles.len()], gravity };
+    for cluster in 0..members.len() {
+        let moved = unfolding.unfold(members.of(cluster), particles);
+        unfolding.write(moved, particles);
+    }
+}
+
+/// The knots, and the particles that other springs hold.
+fn find(elements: &Elements, particles: &Particles) -> (Vec<Knot>, Vec<bool>) {
+    let (mut knots, mut is_held) = (Vec::new(), vec![false; particles.len()]);
+    elements.springs().for_each_acting(|_, &ends, spring| {
+        let [first, second] = ends.map(|end| end as usize);
+        let is_pinned = particles.is_pinned(first) && particles.is_pinned(second);
+        if particles.position.get(first) != particles.position.get(second) {
+            (is_held[first], is_held[second]) = (true, true);
+        } else if spring.rest_length > 0.0 && !is_pinned {
+            knots.push(Knot { ends, rest_length: spring.rest_length });
+        }
+    });
+    (knots, is_held)
+}
+
+struct Unfolding<'a> {
+    knots: &'a [Knot],
+    is_held: Vec<bool>,
+    /// How far each particle of a cluster is moved, m.
+    offsets: Vec<Option<DVec3>>,
+    gravity: Vec3,
+}
+
+impl Unfolding<'_> {
+    /// Parts the ends of the knots of a cluster, from what is held outwards; the particles, in that order.
+    fn unfold(&mut self, cluster: &[u32], particles: &Particles) -> Vec<u32> {
+        let is_root = |end: &u32| particles.is_pinned(*end as usize) || self.is_held[*end as usize];
+        let ends = || cluster.iter().flat_map(|knot| self.knots[*knot as usize].ends);
+        let mut order: Vec<u32> = ends().filter(is_root).collect();
+        if order.is_empty() {
+            order.extend(ends().next());
+        }
+        order.sort_unstable();
+        order.dedup();
+        order.iter().for_each(|slot| self.offsets[*slot as usize] = Some(DVec3::ZERO));
+        // The knots at each particle, by their rank in the cluster; sorted pairs, since clusters are small.
+        let mut at: Vec<(u32, usize)> = (0..)
+            .zip(cluster)
+            .flat_map(|(rank, knot)| self.knots[*knot as usize].ends.map(|end| (end, rank)))
+            .collect();
+        at.sort_unstable();
+        let mut done = 0;
+        while let Some(&slot) = order.get(done) {
+            done += 1;
+            let first = at.partition_point(|(other, _)| *other < slot);
+            for &(_, rank) in at[first..].iter().take_while(|(other, _)| *other == slot) {
+                let knot = &self.knots[cluster[rank] as usize];
+                let other = knot.ends[usize::from(knot.ends[0] == slot)];
+                if self.offsets[other as usize].is_none() {
+                    let offset = self.offsets[slot as usize].unwrap_or_default();
+                    let place = particles.position.get(slot as usize).as_dvec3() + offset;
+                    let rounding = f64::from(f32::EPSILON) * place.abs().max_element();
+                    let length = (PARTING * f64::from(knot.rest_length)).max(MIN_ROUNDINGS * rounding);
+                    self.offsets[other as usize] = Some(offset + length * self.direction(rank));
+                    order.push(other);
+                }
+            }
+        }
+        order
+    }
+
+    /// Along gravity, a little to the side; every rank has another direction. They are those of a sunflower's seeds
+    /// on the sphere.
+    fn direction(&self, rank: usize) -> DVec3 {
+        /// (√5 − 1) / 2, and the same part of the full circle.
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let height = 1.0 - 2.0 * ((rank as f64 + 0.5) * GOLDEN).fract() as f32;
+        let (sin, cos) = ops::sin_cos((rank as f64 * GOLDEN * GOLDEN).fract() as f32 * std::f32::consts::TAU);
+        let across = (1.0 - height * height).max(0.0).sqrt();
+        let own = Vec3::new(across * cos, height, across * sin);
+        (self.gravity.normalize_or_zero() + TILT * own).normalize_or(own).normalize().as_dvec3()
+    }
+
+    /// Moves the particles of a cluster.
+    fn write(&mut self, moved: Vec<u32>, particles: &mut Particles) {
+        let is_pinned = |slot: &u32| particles.is_pinned(*slot as usize);
+        let (mut moment, mut mass) = (DVec3::ZERO, 0.0);
+        for &slot in moved.iter().filter(|slot| !is_pinned(slot)) {
+            let own = 1.0 / f64::from(particles.inverse_mass()[slot as usize]);
+            moment += own * self.offsets[slot as usize].unwrap_or_default();
+            mass += own;
+        }
+        let shift = if moved.iter().any(is_pinned) { DVec3::ZERO } else { moment / mass };
+        for slot in moved.into_iter().map(|slot| slot as usize) {
+            let offset = self.offsets[slot].take().unwrap_or_default();
+            if !particles.is_pinned(slot) {
+                let place = particles.position.get(slot).as_dvec3() + offset - shift;
+                particles.position.set(slot, place.as_vec3());
+            }
+        }
+    }
+}
