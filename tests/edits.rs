@@ -130,6 +130,8 @@ fn an_edited_net_continues_like_a_new_one() {
     let tolerance = 8.0 * 5e-3 / 240.0 * 1.4_f32.powi(8);
     for round in 0..60 {
         edit(&mut app, &mut net, round);
+        // What was edited is ramped in the first tick.
+        run(&mut app, 1);
         let (mut copy, twins) = copied(&app, &net);
         run(&mut app, 2);
         run(&mut copy, 2);
