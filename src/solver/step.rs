@@ -81,7 +81,7 @@ pub(crate) fn step(
         };
         let records = outputs.record_contacts.then_some(&mut outputs.contacts);
         caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
-        if caches.contacts.count() > 0 {
+        if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {
                 caches.contacts.for_each_touching(|slot| state.pulls.touch(slot));

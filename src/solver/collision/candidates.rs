@@ -1,6 +1,7 @@
 //! The pairs of particles that may touch: searched anew when the memory's last search has become invalid, or
 //! derived from that search again.
 
+use crate::solver::elements::Elements;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
@@ -38,6 +39,8 @@ pub(super) struct Candidates {
     pub groups: Groups,
     /// The memory from which all this follows.
     version: Option<Version>,
+    /// The memory with whose springs, masses and radii the exclusions are right.
+    exclusions_version: Option<Version>,
     /// Whether contacts have been found since then that the memory does not hold yet.
     ahead: bool,
 }
@@ -66,9 +69,7 @@ impl Candidates {
         let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()));
         let exceeded = last.map(|last| last.skin_exceeded(particles));
         let derived = exceeded.is_some() && self.version == Some(memory.version);
-        if !derived {
-            self.exclusions.rebuild(particles, substep.elements);
-        }
+        self.refresh_exclusions(memory, particles, substep.elements);
         memory.age = memory.age.saturating_add(1);
         if exceeded != Some(false) {
             self.store(memory, contacts);
@@ -85,6 +86,14 @@ impl Candidates {
         }
         self.version = Some(memory.version);
         self.ahead = true;
+    }
+
+    /// Makes the exclusions those of the present springs.
+    pub fn refresh_exclusions(&mut self, memory: &ContactMemory, particles: &Particles, elements: &Elements) {
+        if self.exclusions_version != Some(memory.version) {
+            self.exclusions.rebuild(particles, elements);
+            self.exclusions_version = Some(memory.version);
+        }
     }
 
     /// Writes the contacts into the memory.
@@ -108,7 +117,7 @@ impl Candidates {
             }
         }
         *version = Version::new();
-        self.version = Some(*version);
+        (self.version, self.exclusions_version) = (Some(*version), Some(*version));
     }
 
     /// Searches the pairs at the present positions.
@@ -228,7 +237,7 @@ mod tests {
     use super::*;
     use crate::solver::StepSettings;
     use crate::solver::collision::pairs::Impulses;
-    use crate::solver::elements::{Elements, Spring};
+    use crate::solver::elements::Spring;
     use crate::solver::settings::Integrator;
 
     /// Longer than the radii: it excludes no pair.

@@ -8,7 +8,7 @@
 //! hashing for collision detection of deformable objects*, VMV 2003. Several grids: Eitz and Gu,
 //! *Hierarchical spatial hashing for real-time collision detection*, SMI 2007.)
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 use bevy::math::{IVec3, Vec3, Vec4};
 
@@ -17,6 +17,17 @@ use crate::solver::particles::Vectors;
 
 /// Spheres tested together.
 const LANES: usize = 4;
+
+/// Number of partners that a sphere finds of its own size or larger, at most: the densest packing of spheres that do
+/// not overlap has about half as many within thick skins. Those that find so many are *crowded*: put into each
+/// other, they would all have each other as partners.
+const MAX_PARTNERS: usize = 64;
+
+/// Number of them that a crowded one keeps: enough to come apart, and few enough to be solved.
+const CROWDED_PARTNERS: usize = 10;
+
+/// Number of smaller partners that a sphere finds, at most.
+const MAX_SMALLER_PARTNERS: usize = 4096;
 
 /// Number of size classes: one for each exponent of an f32.
 const CLASSES: usize = 256;
@@ -99,7 +110,8 @@ const LATER_ROWS: [(i32, i32); 4] = [(1, -1), (1, 0), (1, 1), (0, 1)];
 
 impl Grid {
     /// Lists in `pairs` each pair of overlapping spheres once, in no particular but always the same order:
-    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0).
+    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0). Of crowded ones only the first few
+    /// partners are listed: the list is never longer than some number for each sphere.
     pub fn find_pairs(
         &mut self,
         spheres: impl Iterator<Item = (u32, Vec3, f32)>,
@@ -115,11 +127,7 @@ impl Grid {
         parallel::for_each(found.iter_mut().enumerate(), parallel, |(part, found)| {
             found.clear();
             for index in part * SPHERES_PER_PART..count.min((part + 1) * SPHERES_PER_PART) {
-                self.search(index, &mut |a, b| {
-                    if may_collide(a, b) {
-                        found.push((a, b));
-                    }
-                });
+                self.search(index, &may_collide, found);
             }
         });
         pairs.clear();
@@ -128,25 +136,53 @@ impl Grid {
     }
 
     /// Finds the spheres that overlap the one at `index` and come after it in some order.
-    fn search(&self, index: usize, found: &mut impl FnMut(u32, u32)) {
+    fn search(&self, index: usize, may_collide: impl Fn(u32, u32) -> bool, found: &mut Vec<(u32, u32)>) {
         let Label { class, cell, .. } = self.labels[index];
-        let own = bucket(class, cell, self.mask);
-        let own_end = self.bucket_starts[own + 1] as usize;
+        let first = found.len();
         let row = Row { class, cell, count: 1 };
-        self.test(index, index + 1..own_end, row, found);
-        self.visit(index, Row { cell: cell.wrapping_add(IVec3::X), ..row }, found);
-        for (y, z) in LATER_ROWS {
-            let cell = cell.wrapping_add(IVec3::new(-1, y, z));
-            self.visit(index, Row { class, cell, count: 3 }, found);
+        let own_end = self.bucket_starts[bucket(class, cell, self.mask) + 1] as usize;
+        let mut list = |found: &mut Vec<(u32, u32)>, limit: usize, a: u32, b: u32| {
+            if may_collide(a, b) {
+                found.push((a, b));
+            }
+            if found.len() < first + limit { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let is_crowded = {
+            let mut add = |a, b| list(found, MAX_PARTNERS, a, b);
+            let rows = || LATER_ROWS.map(|(y, z)| cell.wrapping_add(IVec3::new(-1, y, z)));
+            self.test(index, index + 1..own_end, row, &mut add).is_break()
+                || self.visit(index, Row { cell: cell.wrapping_add(IVec3::X), ..row }, &mut add).is_break()
+                || rows()
+                    .into_iter()
+                    .any(|cell| self.visit(index, Row { class, cell, count: 3 }, &mut add).is_break())
+        };
+        if is_crowded {
+            found.truncate(first + CROWDED_PARTNERS);
         }
         for search in self.searches.iter().filter(|search| search.from == class) {
-            let Search { to, range, .. } = *search;
-            let corner = cell_of(self.centers.get(index), self.cell_sizes[to as usize]);
-            for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
-                let cell = corner.wrapping_add(IVec3::new(-range, y, z));
-                self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, found);
+            let is_smaller = self.cell_sizes[search.to as usize] < self.cell_sizes[class as usize];
+            let start = found.len() - first;
+            let limit = start + if is_smaller { MAX_SMALLER_PARTNERS } else { MAX_PARTNERS };
+            let mut add = |a, b| list(found, limit, a, b);
+            if self.search_class(index, *search, &mut add).is_break() && !is_smaller {
+                found.truncate(first + start + CROWDED_PARTNERS);
             }
         }
+    }
+
+    /// Finds the spheres of another class that overlap the one at `index`.
+    fn search_class(
+        &self,
+        index: usize,
+        Search { to, range, .. }: Search,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let corner = cell_of(self.centers.get(index), self.cell_sizes[to as usize]);
+        for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
+            let cell = corner.wrapping_add(IVec3::new(-range, y, z));
+            self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, found)?;
+        }
+        ControlFlow::Continue(())
     }
 
     /// Sorts the spheres into their cells.
@@ -215,24 +251,35 @@ impl Grid {
 
     /// Tests the sphere at `index` against all spheres of a row of cells, which lie in buckets in a row too.
     #[inline]
-    fn visit(&self, index: usize, row: Row, found: &mut impl FnMut(u32, u32)) {
+    fn visit(
+        &self,
+        index: usize,
+        row: Row,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         let first = bucket(row.class, row.cell, self.mask);
         let end = first + row.count as usize;
         let buckets = self.bucket_starts.len() - 1;
         let start = self.bucket_starts[first] as usize;
         if end <= buckets {
-            self.test(index, start..self.bucket_starts[end] as usize, row, found);
+            self.test(index, start..self.bucket_starts[end] as usize, row, found)
         } else {
-            self.test(index, start..self.labels.len(), row, found);
+            self.test(index, start..self.labels.len(), row, found)?;
             let wrapped = self.bucket_starts[end - buckets] as usize;
-            self.test(index, 0..wrapped, row, found);
+            self.test(index, 0..wrapped, row, found)
         }
     }
 
     /// Reports which of `others` overlap the sphere at `index` and lie in one of the cells of
-    /// `row`: a bucket may hold several.
+    /// `row`, as a bucket may hold several; until it is to break off.
     #[inline]
-    fn test(&self, index: usize, others: Range<usize>, row: Row, found: &mut impl FnMut(u32, u32)) {
+    fn test(
+        &self,
+        index: usize,
+        others: Range<usize>,
+        row: Row,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         let Sphere { center, reach } = self.sphere(index);
         let centers = [center.x, center.y, center.z].map(Vec4::splat);
         for first in others.clone().step_by(LANES) {
@@ -248,10 +295,11 @@ impl Grid {
                 let label = &self.labels[first + near.trailing_zeros() as usize];
                 near &= near - 1;
                 if row.contains(label) {
-                    found(self.labels[index].slot, label.slot);
+                    found(self.labels[index].slot, label.slot)?;
                 }
             }
         }
+        ControlFlow::Continue(())
     }
 
     fn sphere(&self, index: usize) -> Sphere {
@@ -323,6 +371,20 @@ mod tests {
                 assert_eq!(pairs_of(&spheres), all_pairs(&spheres), "spread {spread}, smallest {smallest}");
             }
         }
+    }
+
+    /// Each of the last few has fewer after it.
+    #[test]
+    fn crowded_spheres_have_few_partners() {
+        let crowd = vec![(Vec3::ONE, 0.1); 3000];
+        assert_eq!(
+            pairs_of(&crowd).len(),
+            (3000 - MAX_PARTNERS) * CROWDED_PARTNERS + MAX_PARTNERS * (MAX_PARTNERS - 1) / 2
+        );
+        let mixed: Vec<_> = (0..3000).map(|slot| (Vec3::ONE, if slot < 100 { 1.0 } else { 0.1 })).collect();
+        assert!(
+            pairs_of(&mixed).len() < 3000 * (CROWDED_PARTNERS + MAX_PARTNERS) + 100 * MAX_SMALLER_PARTNERS
+        );
     }
 
     #[test]

@@ -23,6 +23,7 @@ mod plane;
 mod regions;
 mod response;
 mod stiff_pairs;
+mod sweep;
 
 use bevy::math::{Vec3, Vec3A};
 
@@ -38,6 +39,7 @@ pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
+use sweep::{Impact, Sweep};
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
@@ -48,6 +50,11 @@ const SETTLED_ERROR: f32 = 0.02;
 
 /// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
+
+/// Particles that no motion has brought into each other, as those that are spawned in one place, come apart without
+/// any velocity: all overlaps of a particle together displace it by at most this part of the sum of two radii in a
+/// second (1/s). The approach of two in the same substep is undone at once.
+const RECOVERY_RATE: f32 = 10.0;
 
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
 const JAMMING_CONTACTS: u32 = 3;
@@ -87,6 +94,9 @@ pub(super) struct ContactCaches {
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
+    sweep: Sweep,
+    /// Whether the last substep of contacts has moved any particle.
+    have_moved: bool,
     /// Whether the particle in each slot is in an island that implicit Euler advances: what it touches of planes
     /// and pinned particles is a part of that step. Empty where it advances none.
     is_implicit: Vec<bool>,
@@ -164,10 +174,12 @@ impl ContactCaches {
         substep: Substep,
         records: Option<&mut Vec<ContactRecord>>,
     ) {
+        self.have_moved = self.sweep(memory, particles, substep);
         self.find(memory, particles, substep);
         if self.count() == 0 {
             return;
         }
+        self.have_moved = true;
         let Substep { settings, integrator, duration, .. } = substep;
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
@@ -178,6 +190,36 @@ impl ContactCaches {
         if let Some(records) = records {
             self.record(particles, records);
         }
+    }
+
+    /// Whether contacts have moved any particle in the last substep.
+    pub fn have_moved(&self) -> bool {
+        self.have_moved
+    }
+
+    /// Puts back what would have passed through another particle in this substep; whether there was any.
+    fn sweep(&mut self, memory: &ContactMemory, particles: &mut Particles, substep: Substep) -> bool {
+        if substep.settings.pair_rules.is_none() {
+            return false;
+        }
+        let Self { candidates, previous, sweep, is_implicit, .. } = self;
+        candidates.refresh_exclusions(memory, particles, substep.elements);
+        let exclusions = &candidates.exclusions;
+        sweep.put_back(
+            particles,
+            previous,
+            |_| true,
+            |particles, Impact { time, slots }| {
+                let ends = slots.map(|slot| slot as usize);
+                let is_implicit = |slot: usize| is_implicit.get(slot) == Some(&true);
+                let pinned = ends.map(|slot| particles.is_pinned(slot));
+                let solved_elsewhere =
+                    (pinned[0] && is_implicit(ends[1])) || (pinned[1] && is_implicit(ends[0]));
+                let may_be_entangled = *time == 0.0 && ends.iter().all(|slot| exclusions.is_sprung(*slot));
+                let is_excluded = exclusions.contains(slots[0], slots[1]) || pinned == [true; 2];
+                !is_excluded && !may_be_entangled && !solved_elsewhere
+            },
+        )
     }
 
     /// Writes what the next ticks depend on into the memory.
@@ -279,8 +321,9 @@ impl ContactCaches {
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
         let Self { pair_contacts, plane_contacts, candidates, surfaces, bodies, .. } = self;
+        let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
         for _ in 0..POSITION_ITERATIONS {
-            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies);
+            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }

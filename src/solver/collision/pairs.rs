@@ -203,17 +203,21 @@ const RESTING_OVERLAP: f32 = 0.001;
 const SPRUNG_CORRECTION: f32 = 0.01;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction puts both back to
-/// where they stuck.
+/// where they stuck. What is more than undoing the approach of a pair in this substep is at most the part `recovery`
+/// of the sum of their radii, for all pairs of a particle together.
 pub(super) fn solve_positions(
     contacts: &mut PairContacts,
     groups: &mut Groups,
     rules: PairRules,
     bodies: &mut [Body],
+    recovery: f32,
 ) {
-    contacts.for_each_group(groups, bodies, |_, contacts, bodies| separate(contacts, rules, bodies));
+    contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
+        separate(contacts, rules, bodies, recovery);
+    });
 }
 
-fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
+fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], recovery: f32) {
     for contact in contacts {
         let [first, second] = contact.both(bodies);
         let reach = first.radius + second.radius;
@@ -226,8 +230,10 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
             continue;
         }
         let mut depth = part * (depth - allowed);
+        let approached = (second.moved() - first.moved()).dot(contact.normal);
+        let recovered = recovery * reach / f32::from(first.touching.max(second.touching).max(1));
+        depth = depth.min(approached.max(0.0) + recovered);
         if contact.sprung {
-            let approached = (second.moved() - first.moved()).dot(contact.normal);
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
                 continue;
