@@ -11,6 +11,7 @@ mod collisions;
 #[path = "../common/mod.rs"]
 mod common;
 mod control;
+mod crowds;
 mod disabling;
 mod energy;
 mod far;
@@ -39,3 +40,4 @@ mod stiff_contacts;
 mod strain_limit;
 mod teleports;
 mod turning;
+mod sweeps;

@@ -8,6 +8,7 @@ use crate::solver::state::Version;
 
 use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
+use super::chains::{ChainSearch, Durations, Proof};
 use super::grid::Grid;
 use super::list::{Candidate, List, Past, slots};
 use super::memory::{ContactMemory, RememberedContact};
@@ -35,6 +36,9 @@ pub(super) struct Candidates {
     /// The height of each particle, m.
     heights: Vec<f32>,
     pub exclusions: Exclusions,
+    chain_search: ChainSearch,
+    /// Whether the free chains of the last search were so in this substep.
+    proof: Proof,
     pub regions: Regions,
     pub groups: Groups,
     /// The memory from which all this follows.
@@ -67,8 +71,7 @@ impl Candidates {
         substep: Substep,
     ) {
         let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()));
-        let exceeded = last.map(|last| last.skin_exceeded(particles));
-        let derived = exceeded.is_some() && self.version == Some(memory.version);
+        let exceeded = last.map(|last| self.is_exceeded(last, particles));
         self.refresh_exclusions(memory, particles, substep.elements);
         memory.age = memory.age.saturating_add(1);
         if exceeded != Some(false) {
@@ -79,10 +82,8 @@ impl Candidates {
             self.search_anew(memory, particles, substep);
             self.recall(memory, contacts);
             self.entangle(memory, particles, previous);
-        } else if let Some(last) = memory.broad_phase.as_ref().filter(|_| !derived) {
-            self.search(last, particles);
-            self.sort_bottom_up(last, particles.radius());
-            self.recall(memory, contacts);
+        } else {
+            self.derive(memory, contacts, particles);
         }
         self.version = Some(memory.version);
         self.ahead = true;
@@ -94,6 +95,46 @@ impl Candidates {
             self.exclusions.rebuild(particles, elements);
             self.exclusions_version = Some(memory.version);
         }
+    }
+
+    /// Whether pairs may touch that the last search has not found.
+    fn is_exceeded(&self, last: &BroadPhase, particles: &Particles) -> bool {
+        self.proof != Proof::Holds || last.skin_exceeded(particles)
+    }
+
+    /// Derives the list from the last search again, if that is good and the list does not follow from it already.
+    pub fn derive(&mut self, memory: &ContactMemory, contacts: &mut PairContacts, particles: &Particles) {
+        let Some(last) = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len())) else {
+            return;
+        };
+        if self.version != Some(memory.version) && !self.is_exceeded(last, particles) {
+            self.search(last, particles);
+            self.sort_bottom_up(last, particles.radius());
+            self.recall(memory, contacts);
+            self.version = Some(memory.version);
+        }
+    }
+
+    /// The pairs of slots that may touch, if the last search is still good.
+    pub fn found_pairs(&self, memory: &ContactMemory, particles: &Particles) -> Option<&[(u32, u32)]> {
+        let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()))?;
+        let is_derived = self.version == Some(memory.version);
+        (is_derived && !self.is_exceeded(last, particles)).then_some(&self.found[..])
+    }
+
+    /// Checks whether the free chains still are.
+    pub fn check_chains(
+        &mut self,
+        memory: &mut ContactMemory,
+        particles: &Particles,
+        substep: Substep,
+    ) -> Proof {
+        self.refresh_exclusions(memory, particles, substep.elements);
+        let last = memory.broad_phase.as_mut().filter(|last| last.fits(particles.len()));
+        let time_step = substep.settings.time_step;
+        self.proof =
+            last.map_or(Proof::Fails, |last| last.check_chains(particles, &self.exclusions, time_step));
+        self.proof
     }
 
     /// Writes the contacts into the memory.
@@ -128,10 +169,20 @@ impl Candidates {
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
         broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+        let durations =
+            Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity.length() };
+        let BroadPhase { skins, chains, chain_origins, .. } = broad_phase;
+        self.chain_search.find(particles, &self.exclusions, skins, durations, chains);
+        match chains.is_empty() {
+            true => chain_origins.resize(0),
+            false => chain_origins.copy_from(&particles.position),
+        }
+        broad_phase.any_skins = (0..particles.len()).any(|slot| broad_phase.has_skin(slot));
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
             *crowded = true;
             broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+            broad_phase.chains.iter().for_each(|chain| broad_phase.skins[chain.slots()].fill(f32::MAX));
             self.search(broad_phase, particles);
         }
         *crowded &= self.found.len() >= SCATTERED_PAIRS * particles.len();
@@ -144,7 +195,7 @@ impl Candidates {
         let BroadPhase { origins, skins, .. } = broad_phase;
         let (radius, inverse_mass) = (particles.radius(), particles.inverse_mass());
         let spheres = (0..radius.len())
-            .filter(|slot| radius[*slot] > 0.0)
+            .filter(|slot| broad_phase.has_skin(*slot))
             .map(|slot| (slot as u32, origins.get(slot), radius[slot] + skins[slot]));
         let may_collide = |a: u32, b: u32| {
             let free = inverse_mass[a as usize] + inverse_mass[b as usize] > 0.0;

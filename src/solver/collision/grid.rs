@@ -141,7 +141,7 @@ impl Grid {
         let first = found.len();
         let row = Row { class, cell, count: 1 };
         let own_end = self.bucket_starts[bucket(class, cell, self.mask) + 1] as usize;
-        let mut list = |found: &mut Vec<(u32, u32)>, limit: usize, a: u32, b: u32| {
+        let list = |found: &mut Vec<(u32, u32)>, limit: usize, a: u32, b: u32| {
             if may_collide(a, b) {
                 found.push((a, b));
             }

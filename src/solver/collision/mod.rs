@@ -13,6 +13,7 @@
 mod bodies;
 mod broad_phase;
 mod candidates;
+mod chains;
 mod grid;
 mod list;
 mod memory;
@@ -32,6 +33,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, PairRules, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
+use chains::Proof;
 pub use memory::ContactMemory;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
@@ -94,6 +96,7 @@ pub(super) struct ContactCaches {
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
+    has_previous: bool,
     sweep: Sweep,
     /// Whether the last substep of contacts has moved any particle.
     have_moved: bool,
@@ -158,11 +161,31 @@ impl ContactCaches {
         }
     }
 
-    /// Keeps the positions from which friction measures how far particles slipped.
-    pub fn begin_substep(&mut self, positions: &Vectors, planes: &[Plane], settings: &StepSettings) {
+    /// Keeps the positions from which friction measures how far particles slipped, if anything may touch.
+    pub fn begin_substep(
+        &mut self,
+        memory: &ContactMemory,
+        positions: &Vectors,
+        planes: &[Plane],
+        settings: &StepSettings,
+    ) {
         let any_planes = settings.collide_with_planes && !planes.is_empty();
-        if any_planes || settings.pair_rules.is_some() {
+        let any_pairs = settings.pair_rules.is_some() && !memory.nothing_has_a_skin(positions.len());
+        self.has_previous = any_planes || any_pairs;
+        if self.has_previous {
             self.previous.copy_from(positions);
+        }
+    }
+
+    /// Makes the positions at the start of the substep known where nothing was expected to touch: but for the
+    /// acceleration in the substep, they are a way at the present velocity back.
+    fn reconstruct_previous(&mut self, particles: &Particles, duration: f32) {
+        if std::mem::replace(&mut self.has_previous, true) {
+            return;
+        }
+        self.previous.copy_from(&particles.position);
+        for (start, velocity) in self.previous.axes_mut().into_iter().zip(particles.velocity.axes()) {
+            start.iter_mut().zip(velocity).for_each(|(start, velocity)| *start -= duration * velocity);
         }
     }
 
@@ -198,17 +221,26 @@ impl ContactCaches {
     }
 
     /// Puts back what would have passed through another particle in this substep; whether there was any.
-    fn sweep(&mut self, memory: &ContactMemory, particles: &mut Particles, substep: Substep) -> bool {
+    fn sweep(&mut self, memory: &mut ContactMemory, particles: &mut Particles, substep: Substep) -> bool {
         if substep.settings.pair_rules.is_none() {
             return false;
         }
-        let Self { candidates, previous, sweep, is_implicit, .. } = self;
-        candidates.refresh_exclusions(memory, particles, substep.elements);
+        let proof = self.candidates.check_chains(memory, particles, substep);
+        if proof != Proof::Holds {
+            self.reconstruct_previous(particles, substep.duration);
+        }
+        if proof != Proof::Fails && memory.nothing_has_a_skin(particles.len()) {
+            return false;
+        }
+        let Self { candidates, previous, sweep, is_implicit, pair_contacts, .. } = self;
+        candidates.derive(memory, pair_contacts, particles);
+        let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
         let exclusions = &candidates.exclusions;
         sweep.put_back(
             particles,
             previous,
-            |_| true,
+            |slot| last.is_none_or(|last| last.has_skin(slot)),
+            |particles| candidates.found_pairs(memory, particles),
             |particles, Impact { time, slots }| {
                 let ends = slots.map(|slot| slot as usize);
                 let is_implicit = |slot: usize| is_implicit.get(slot) == Some(&true);

@@ -65,12 +65,14 @@ struct Paths<'a> {
 
 impl Sweep {
     /// Puts back what would pass through something since `previous`, the positions at the start of the substep in
-    /// m; only particles that are swept, and pairs that `may_collide`. Whether there was anything.
-    pub fn put_back(
+    /// m; only particles that are swept, and pairs that `may_collide`. If anything is fast, `listed` may know all pairs
+    /// that come near each other. Whether anything was put back.
+    pub fn put_back<'a>(
         &mut self,
         particles: &mut Particles,
         previous: &Vectors,
         is_swept: impl Fn(usize) -> bool,
+        listed: impl FnOnce(&Particles) -> Option<&'a [(u32, u32)]>,
         may_collide: impl Fn(&Particles, &Impact) -> bool + Sync,
     ) -> bool {
         let Self { grid, is_fast, stops, pushers, is_stopped, pairs, impacts } = self;
@@ -85,13 +87,28 @@ impl Sweep {
         if !is_fast.contains(&true) {
             return false;
         }
+        let listed = listed(particles);
         stops.clear();
         stops.resize(particles.len(), 1.0);
         pushers.clear();
         pushers.resize(particles.len(), None);
         for search in 1..=MAX_SEARCHES {
             let paths = Paths { stops, ..paths };
-            paths.find_impacts(grid, is_fast, &is_swept, &may_collide, (pairs, impacts));
+            let collide = |a: u32, b: u32| {
+                let any_fast = is_fast[a as usize] || is_fast[b as usize];
+                any_fast && paths.impact(a, b).is_some_and(|impact| may_collide(particles, &impact))
+            };
+            if let Some(listed) = listed {
+                pairs.clear();
+                pairs.extend(listed.iter().filter(|(a, b)| collide(*a, *b)));
+            } else {
+                paths.find_pairs(grid, is_fast, &is_swept, collide, pairs);
+            }
+            impacts.clear();
+            impacts.extend(pairs.iter().filter_map(|(a, b)| paths.impact(*a, *b)));
+            impacts.sort_unstable_by(|one, other| {
+                one.time.total_cmp(&other.time).then_with(|| one.slots.cmp(&other.slots))
+            });
             if impacts.is_empty() {
                 break;
             }
@@ -152,14 +169,14 @@ impl Paths<'_> {
         (radius > 0.0 && centre.is_finite() && reach.is_finite()).then_some((centre, reach))
     }
 
-    /// Lists the pairs that first touch on their way, by time.
-    fn find_impacts(
+    /// Lists the pairs that `collide` on their way.
+    fn find_pairs(
         self,
         grid: &mut Grid,
         is_fast: &[bool],
         is_swept: impl Fn(usize) -> bool,
-        may_collide: impl Fn(&Particles, &Impact) -> bool + Sync,
-        (pairs, impacts): (&mut Vec<(u32, u32)>, &mut Vec<Impact>),
+        collide: impl Fn(u32, u32) -> bool + Sync,
+        pairs: &mut Vec<(u32, u32)>,
     ) {
         let (mut least, mut most) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (slot, _) in is_fast.iter().enumerate().filter(|(_, is_fast)| **is_fast) {
@@ -172,16 +189,7 @@ impl Paths<'_> {
             let is_near = (centre + reach).cmpge(least).all() && (centre - reach).cmple(most).all();
             is_near.then_some((slot as u32, centre, reach))
         });
-        let collide = |a: u32, b: u32| {
-            let any_fast = is_fast[a as usize] || is_fast[b as usize];
-            any_fast && self.impact(a, b).is_some_and(|impact| may_collide(self.particles, &impact))
-        };
         grid.find_pairs(spheres, collide, pairs);
-        impacts.clear();
-        impacts.extend(pairs.iter().filter_map(|(a, b)| self.impact(*a, *b)));
-        impacts.sort_unstable_by(|one, other| {
-            one.time.total_cmp(&other.time).then_with(|| one.slots.cmp(&other.slots))
-        });
     }
 
     /// When a pair first touches. They move together until one of them stops, then the other one alone.
@@ -253,7 +261,7 @@ mod tests {
             particles.push(*end, Vec3::ZERO, inverse_mass, 0.1);
             previous.push(*start);
         }
-        Sweep::default().put_back(&mut particles, &previous, |_| true, |_, _| true);
+        Sweep::default().put_back(&mut particles, &previous, |_| true, |_| None, |_, _| true);
         (0..paths.len()).map(|slot| particles.position.get(slot)).collect()
     }
 
