@@ -41,3 +41,4 @@ mod strain_limit;
 mod teleports;
 mod turning;
 mod sweeps;
+mod turning;

@@ -6,7 +6,8 @@
 
 use bevy::math::Vec3;
 
-use super::chains::{Chain, Proof};
+use super::chain_search::ChainSearch;
+use super::chains::{Chain, Durations, Proof};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -34,7 +35,7 @@ pub(super) struct BroadPhase {
     pub skins: Vec<f32>,
     /// The free chains.
     pub chains: Vec<Chain>,
-    /// The positions of their particles when their play was found, m; empty without chains.
+    /// The positions of their particles when their play was found, m; empty without springs.
     pub chain_origins: Vectors,
     /// Against gravity then; zero where there was none.
     pub up: Vec3,
@@ -85,6 +86,29 @@ impl BroadPhase {
             _ => slow_skin * radius,
         }));
         self.any_skins = true;
+    }
+
+    /// Finds the free chains.
+    pub fn find_chains(
+        &mut self,
+        search: &mut ChainSearch,
+        particles: &Particles,
+        exclusions: &Exclusions,
+        durations: Durations,
+    ) {
+        let Self { skins, chains, chain_origins, .. } = self;
+        search.find(particles, exclusions, skins, durations, chains);
+        match exclusions.any_sprung() {
+            true => chain_origins.copy_from(&particles.position),
+            false => chain_origins.resize(0),
+        }
+        self.remove_chain_skins();
+        self.any_skins = (0..particles.len()).any(|slot| self.has_skin(slot));
+    }
+
+    /// Particles of free chains need no skins.
+    pub fn remove_chain_skins(&mut self) {
+        self.chains.iter().for_each(|chain| self.skins[chain.slots()].fill(f32::MAX));
     }
 
     /// Whether the particle in a slot may touch others.

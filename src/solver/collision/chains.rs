@@ -15,17 +15,12 @@ use std::ops::Range;
 
 use bevy::math::{Vec3, Vec4};
 
-use super::broad_phase::mean;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
 /// Number of particles of a chain, at least and at most: all its pairs are looked at.
-const MIN_LENGTH: usize = 4;
-const MAX_LENGTH: usize = 128;
-
-/// Number of ticks for which boxes are to be large enough: the first ones, and those of chains that are not free with
-/// them.
-const BOX_TICKS: [f32; 2] = [4.0, 1.0];
+pub(super) const MIN_LENGTH: usize = 4;
+pub(super) const MAX_LENGTH: usize = 128;
 
 /// The part of the speed along an axis, and of the speed in any direction, that a box allows for changes of the
 /// velocity.
@@ -37,9 +32,6 @@ const USED_PLAY: f32 = 0.75;
 
 /// Number of substeps for which the play of a free chain is to last at the present velocities.
 const PLAY_SUBSTEPS: f32 = 2.0;
-
-/// Number of pairs of boxes that are tested for each box, at most. Where more overlap along an axis, none are free.
-const MAX_TESTS: usize = 64;
 
 /// Pairs of particles are tested four at a time.
 const LANES: usize = 4;
@@ -73,8 +65,19 @@ pub(super) enum Proof {
 }
 
 impl Chain {
+    /// A chain of these slots, without a box yet.
+    pub fn new(slots: Range<usize>) -> Self {
+        Self { start: slots.start as u32, end: slots.end as u32, ..Self::default() }
+    }
+
+    /// The slots of its particles.
     pub fn slots(&self) -> Range<usize> {
         self.start as usize..self.end as usize
+    }
+
+    /// The corners of what nothing else reaches into, m.
+    pub fn reserved(&self) -> [Vec3; 2] {
+        [self.least - self.margin, self.most + self.margin]
     }
 
     /// Whether all centres less `common` are in the box grown by `margin`.
@@ -131,7 +134,7 @@ impl Chain {
     }
 
     /// Makes its box large enough for `ticks`; `common` is the velocity of all, m/s.
-    fn make_box(
+    pub fn make_box(
         &mut self,
         particles: &Particles,
         common: Vec3,
@@ -201,179 +204,13 @@ pub(super) struct Durations {
     pub gravity: f32,
 }
 
-/// What is not to overlap, and the chain that it is the box of.
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    least: Vec3,
-    most: Vec3,
-    chain: Option<usize>,
-}
-
-impl Bounds {
-    const NOTHING: Self = Self { least: Vec3::INFINITY, most: Vec3::NEG_INFINITY, chain: None };
-
-    /// Grows by a sphere.
-    fn add(&mut self, centre: Vec3, reach: f32) {
-        self.least = self.least.min(centre - reach);
-        self.most = self.most.max(centre + reach);
-    }
-
-    fn overlaps(&self, other: &Self) -> bool {
-        self.least.cmple(other.most).all() && other.least.cmple(self.most).all()
-    }
-}
-
-/// Number of lone spheres in one box.
-const SPHERES_PER_BOX: usize = 16;
-
-/// Working memory of the search for free chains.
-#[derive(Debug, Clone, Default)]
-pub(super) struct ChainSearch {
-    /// All that do not touch themselves, and whether they touch nothing else either.
-    chains: Vec<(Chain, bool)>,
-    bounds: Vec<Bounds>,
-    /// The least coordinates of the bounds along an axis, as sortable bits, and their places.
-    keys: Vec<u64>,
-}
-
-impl ChainSearch {
-    /// Lists the free chains; their particles need no `skins` any more.
-    pub fn find(
-        &mut self,
-        particles: &Particles,
-        exclusions: &Exclusions,
-        skins: &mut [f32],
-        durations: Durations,
-        free: &mut Vec<Chain>,
-    ) {
-        free.clear();
-        self.list_chains(particles, exclusions, durations.substep);
-        if self.chains.is_empty() {
-            return;
-        }
-        let common = mean(particles.len(), |slot| particles.velocity.get(slot));
-        for ticks in BOX_TICKS {
-            for (chain, is_free) in self.chains.iter_mut().filter(|(_, is_free)| !is_free) {
-                chain.make_box(particles, common, ticks, durations);
-                *is_free = true;
-            }
-            self.bound(particles, skins);
-            if !self.find_overlaps() {
-                return;
-            }
-            if self.chains.iter().all(|(_, is_free)| *is_free) {
-                break;
-            }
-        }
-        free.extend(self.chains.iter().filter(|(_, is_free)| *is_free).map(|(chain, _)| *chain));
-        for chain in free {
-            skins[chain.slots()].fill(f32::MAX);
-        }
-    }
-
-    /// Lists the chains that do not touch themselves.
-    fn list_chains(&mut self, particles: &Particles, exclusions: &Exclusions, substep: f32) {
-        self.chains.clear();
-        let mut start = 0;
-        let ends = exclusions.continues().iter().skip(1).map(|continues| !continues).chain([true]);
-        for (end, _) in (1..).zip(ends).filter(|(_, is_end)| *is_end) {
-            let slots = std::mem::replace(&mut start, end)..end;
-            let is_sphere = |slot: usize| particles.radius()[slot] > 0.0;
-            if (MIN_LENGTH..=MAX_LENGTH).contains(&slots.len()) && slots.clone().any(is_sphere) {
-                let mut chain = Chain { start: slots.start as u32, end: end as u32, ..Chain::default() };
-                if chain.renew_play(particles, exclusions, substep) {
-                    self.chains.push((chain, false));
-                }
-            }
-        }
-    }
-
-    /// Bounds all spheres: each chain by its box and a few others together, with their skins.
-    fn bound(&mut self, particles: &Particles, skins: &[f32]) {
-        let Self { chains, bounds, .. } = self;
-        bounds.clear();
-        let reach = |slot: usize| match particles.radius()[slot] {
-            0.0 => 0.0,
-            radius => radius + skins[slot],
-        };
-        let mut next = 0;
-        for (number, (chain, _)) in chains.iter().enumerate() {
-            bound_lone(bounds, particles, reach, next..chain.slots().start);
-            next = chain.slots().end;
-            let reach = chain.margin + Vec3::splat(chain.slots().map(reach).fold(0.0, f32::max));
-            bounds.push(Bounds { least: chain.least - reach, most: chain.most + reach, chain: Some(number) });
-        }
-        bound_lone(bounds, particles, reach, next..particles.len());
-    }
-
-    /// Marks the chains whose boxes overlap something as not free; `false` if that is too much work.
-    fn find_overlaps(&mut self) -> bool {
-        let Self { chains, bounds, keys } = self;
-        let extent = bounds.iter().fold(Bounds::NOTHING, |mut all, bounds| {
-            all.add(bounds.least, 0.0);
-            all
-        });
-        let axis = (extent.most - extent.least).max_position();
-        keys.clear();
-        keys.extend((0..).zip(&*bounds).map(|(place, bounds): (u64, _)| {
-            // Floats sort like integers once the bits of negative ones are inverted.
-            let bits = bounds.least[axis].to_bits();
-            u64::from(if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }) << 32 | place
-        }));
-        keys.sort_unstable();
-        let mut tests = MAX_TESTS * keys.len();
-        for (place, key) in keys.iter().enumerate() {
-            let one = bounds[*key as u32 as usize];
-            for key in &keys[place + 1..] {
-                let other = bounds[*key as u32 as usize];
-                // Neither so of NaN.
-                if !(other.least[axis] <= one.most[axis]) {
-                    break;
-                }
-                tests -= 1;
-                if tests == 0 {
-                    return false;
-                }
-                if one.overlaps(&other) {
-                    for chain in [one.chain, other.chain].into_iter().flatten() {
-                        chains[chain].1 = false;
-                    }
-                }
-            }
-        }
-        true
-    }
-}
-
-/// Bounds the spheres in these slots.
-fn bound_lone(
-    bounds: &mut Vec<Bounds>,
-    particles: &Particles,
-    reach: impl Fn(usize) -> f32,
-    slots: Range<usize>,
-) {
-    let mut spheres = slots.filter(|slot| particles.radius()[*slot] > 0.0);
-    loop {
-        let mut lone = Bounds::NOTHING;
-        let count = spheres
-            .by_ref()
-            .take(SPHERES_PER_BOX)
-            .map(|slot| lone.add(particles.position.get(slot), reach(slot)))
-            .count();
-        if count == 0 {
-            return;
-        }
-        bounds.push(lone);
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::solver::elements::{Elements, Spring};
 
     /// A rope of spheres of 0.02 m, 0.1 m apart, through these points.
-    fn rope(points: &[Vec3]) -> (Particles, Exclusions) {
+    pub fn rope(points: &[Vec3]) -> (Particles, Exclusions) {
         let (mut particles, mut elements) = (Particles::default(), Elements::default());
         for (slot, point) in points.iter().enumerate() {
             particles.push(*point, Vec3::ZERO, 1.0, 0.02);
@@ -404,48 +241,5 @@ mod tests {
             .collect();
         let (particles, exclusions) = rope(&folded);
         assert!((play(&particles, &exclusions, 0..14) - 0.04 / 13.0).abs() < 1e-6);
-    }
-
-    /// A rope that turns as a whole keeps its proof, one that bends so that it may touch itself does not.
-    #[test]
-    fn proofs_hold_while_nothing_can_touch() {
-        let straight: Vec<_> = (0..20).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
-        let (mut particles, exclusions) = rope(&straight);
-        let origins = particles.position.clone();
-        let (mut search, mut free, mut skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-        search.find(&particles, &exclusions, &mut skins, durations, &mut free);
-        assert!(free.len() == 1 && skins.iter().all(|skin| *skin == f32::MAX));
-        let proofs = |particles: &Particles| free[0].proofs(&particles.position, &origins, Vec3::ZERO);
-        assert_eq!(proofs(&particles), [Proof::Holds; 2]);
-        for (angle, expected) in [(0.4_f32, Proof::Holds), (0.5, Proof::Expires), (0.7, Proof::Fails)] {
-            for slot in 0..20 {
-                let (sin, cos) = bevy::math::ops::sin_cos(angle);
-                particles.position.set(slot, Vec3::new(cos, sin, 0.0) * 0.1 * slot as f32);
-            }
-            // 0.1 m · 2 sin(angle / 2), of 0.045 m and 0.06 m.
-            assert_eq!(proofs(&particles)[1], expected, "{angle}");
-            assert_eq!(proofs(&particles)[0], Proof::Fails, "it is far out of its box");
-        }
-    }
-
-    #[test]
-    fn chains_are_free_where_nothing_reaches_into_their_boxes() {
-        for (height, is_free) in [(0.5, true), (0.03, false)] {
-            let mut points: Vec<_> = (0..8).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
-            points.push(Vec3::new(0.35, height, 0.0));
-            let (particles, _) = rope(&points);
-            let (_, mut exclusions) = rope(&points[..8]);
-            let mut elements = Elements::default();
-            for slot in 1..8 {
-                elements.push([slot - 1, slot], Spring { rest_length: 0.1, stiffness: 1.0, damping: 0.0 });
-            }
-            exclusions.rebuild(&particles, &elements);
-            let (mut free, mut skins) = (Vec::new(), vec![0.004; 9]);
-            let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-            ChainSearch::default().find(&particles, &exclusions, &mut skins, durations, &mut free);
-            assert_eq!((free.len() == 1, skins[0] == f32::MAX), (is_free, is_free), "{height}");
-            assert_eq!(skins[8], 0.004);
-        }
     }
 }

@@ -5,14 +5,15 @@
 //! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
 //! mass.
 //!
-//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows;
-//! `response.rs` the formulas; `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
-//! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`
-//! and `plane.rs` the two kinds of contact.
+//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the
+//! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
+//! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
+//! `pairs.rs` and `plane.rs` the two kinds of contact.
 
 mod bodies;
 mod broad_phase;
 mod candidates;
+mod chain_search;
 mod chains;
 mod grid;
 mod list;
@@ -53,9 +54,9 @@ const SETTLED_ERROR: f32 = 0.02;
 /// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
 
-/// Particles that no motion has brought into each other, as those that are spawned in one place, come apart without
-/// any velocity: all overlaps of a particle together displace it by at most this part of the sum of two radii in a
-/// second (1/s). The approach of two in the same substep is undone at once.
+/// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
+/// all overlaps of a particle in one together displace it by at most this part of the sum of two radii in a second
+/// (1/s). The approach of two in the same substep is undone at once.
 const RECOVERY_RATE: f32 = 10.0;
 
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
@@ -177,8 +178,7 @@ impl ContactCaches {
         }
     }
 
-    /// Makes the positions at the start of the substep known where nothing was expected to touch: but for the
-    /// acceleration in the substep, they are a way at the present velocity back.
+    /// Finds about where all were at the start of a substep in which nothing was expected to touch.
     fn reconstruct_previous(&mut self, particles: &Particles, duration: f32) {
         if std::mem::replace(&mut self.has_previous, true) {
             return;
@@ -235,8 +235,10 @@ impl ContactCaches {
         let Self { candidates, previous, sweep, is_implicit, pair_contacts, .. } = self;
         candidates.derive(memory, pair_contacts, particles);
         let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
+        let mut grid = std::mem::take(&mut candidates.grid);
         let exclusions = &candidates.exclusions;
-        sweep.put_back(
+        let any = sweep.put_back(
+            &mut grid,
             particles,
             previous,
             |slot| last.is_none_or(|last| last.has_skin(slot)),
@@ -251,7 +253,9 @@ impl ContactCaches {
                 let is_excluded = exclusions.contains(slots[0], slots[1]) || pinned == [true; 2];
                 !is_excluded && !may_be_entangled && !solved_elsewhere
             },
-        )
+        );
+        candidates.grid = grid;
+        any
     }
 
     /// Writes what the next ticks depend on into the memory.

@@ -197,14 +197,18 @@ const RESTING_CORRECTION: f32 = 0.5;
 /// The overlap that a resting pair in a pile may keep, as a part of its reach.
 const RESTING_OVERLAP: f32 = 0.001;
 
+/// Number of particles that one touches above which it is in a crowd: so many are seldom around it without overlaps.
+/// Each would throw it out by all of its overlap.
+const MAX_TOUCHING: u8 = 6;
+
 /// The part of an older overlap that a pair on springs is separated by in each iteration. To separate it
 /// stretches the springs that press it together; whatever is more than undoing its approach in this substep
 /// would give them energy from nowhere.
 const SPRUNG_CORRECTION: f32 = 0.01;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction puts both back to
-/// where they stuck. What is more than undoing the approach of a pair in this substep is at most the part `recovery`
-/// of the sum of their radii, for all pairs of a particle together.
+/// where they stuck. In a crowd what is more than undoing the approach of a pair in this substep is at most the part
+/// `recovery` of the sum of their radii, for all pairs of a particle together.
 pub(super) fn solve_positions(
     contacts: &mut PairContacts,
     groups: &mut Groups,
@@ -231,8 +235,10 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], rec
         }
         let mut depth = part * (depth - allowed);
         let approached = (second.moved() - first.moved()).dot(contact.normal);
-        let recovered = recovery * reach / f32::from(first.touching.max(second.touching).max(1));
-        depth = depth.min(approached.max(0.0) + recovered);
+        let touching = first.touching.max(second.touching);
+        if touching > MAX_TOUCHING {
+            depth = depth.min(approached.max(0.0) + recovery * reach / f32::from(touching));
+        }
         if contact.sprung {
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {

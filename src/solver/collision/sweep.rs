@@ -30,7 +30,6 @@ const MAX_SEARCHES: u32 = 8;
 /// Working memory of sweeps.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sweep {
-    grid: Grid,
     /// Whether each particle is one to look for pairs of.
     is_fast: Vec<bool>,
     /// When each particle stops, as a fraction of the substep.
@@ -69,13 +68,25 @@ impl Sweep {
     /// that come near each other. Whether anything was put back.
     pub fn put_back<'a>(
         &mut self,
+        grid: &mut Grid,
         particles: &mut Particles,
         previous: &Vectors,
         is_swept: impl Fn(usize) -> bool,
         listed: impl FnOnce(&Particles) -> Option<&'a [(u32, u32)]>,
         may_collide: impl Fn(&Particles, &Impact) -> bool + Sync,
     ) -> bool {
-        let Self { grid, is_fast, stops, pushers, is_stopped, pairs, impacts } = self;
+        let Self { is_fast, stops, pushers, is_stopped, pairs, impacts } = self;
+        // Now, so that the first fast particle finds all allocated.
+        stops.clear();
+        stops.reserve(particles.len());
+        pushers.clear();
+        pushers.reserve(particles.len());
+        is_stopped.clear();
+        is_stopped.reserve(particles.len());
+        pairs.clear();
+        pairs.reserve(particles.len());
+        impacts.clear();
+        impacts.reserve(particles.len());
         let common = common_way(particles, previous);
         let paths = Paths { particles, previous, common, stops: &[] };
         let radius = particles.radius();
@@ -88,9 +99,7 @@ impl Sweep {
             return false;
         }
         let listed = listed(particles);
-        stops.clear();
         stops.resize(particles.len(), 1.0);
-        pushers.clear();
         pushers.resize(particles.len(), None);
         for search in 1..=MAX_SEARCHES {
             let paths = Paths { stops, ..paths };
@@ -189,7 +198,7 @@ impl Paths<'_> {
             let is_near = (centre + reach).cmpge(least).all() && (centre - reach).cmple(most).all();
             is_near.then_some((slot as u32, centre, reach))
         });
-        grid.find_pairs(spheres, collide, pairs);
+        grid.find_pairs(spheres, (collide, |_| true), pairs);
     }
 
     /// When a pair first touches. They move together until one of them stops, then the other one alone.
@@ -261,7 +270,14 @@ mod tests {
             particles.push(*end, Vec3::ZERO, inverse_mass, 0.1);
             previous.push(*start);
         }
-        Sweep::default().put_back(&mut particles, &previous, |_| true, |_| None, |_, _| true);
+        Sweep::default().put_back(
+            &mut Grid::default(),
+            &mut particles,
+            &previous,
+            |_| true,
+            |_| None,
+            |_, _| true,
+        );
         (0..paths.len()).map(|slot| particles.position.get(slot)).collect()
     }
 
