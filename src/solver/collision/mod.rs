@@ -245,13 +245,11 @@ impl ContactCaches {
             |particles| candidates.found_pairs(memory, particles),
             |particles, Impact { time, slots }| {
                 let ends = slots.map(|slot| slot as usize);
-                let is_implicit = |slot: usize| is_implicit.get(slot) == Some(&true);
                 let pinned = ends.map(|slot| particles.is_pinned(slot));
-                let solved_elsewhere =
-                    (pinned[0] && is_implicit(ends[1])) || (pinned[1] && is_implicit(ends[0]));
+                let implicit = ends.map(|slot| is_implicit.get(slot) == Some(&true));
+                let solved_elsewhere = [0, 1].iter().all(|end| pinned[*end] || implicit[*end]);
                 let may_be_entangled = *time == 0.0 && ends.iter().all(|slot| exclusions.is_sprung(*slot));
-                let is_excluded = exclusions.contains(slots[0], slots[1]) || pinned == [true; 2];
-                !is_excluded && !may_be_entangled && !solved_elsewhere
+                !exclusions.contains(slots[0], slots[1]) && !may_be_entangled && !solved_elsewhere
             },
         );
         candidates.grid = grid;
