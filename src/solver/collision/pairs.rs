@@ -236,7 +236,7 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], rec
         let mut depth = part * (depth - allowed);
         let approached = (second.moved() - first.moved()).dot(contact.normal);
         let touching = first.touching.max(second.touching);
-        if touching > MAX_TOUCHING {
+        if touching > MAX_TOUCHING && !contact.sprung {
             depth = depth.min(approached.max(0.0) + recovery * reach / f32::from(touching));
         }
         if contact.sprung {
