@@ -38,7 +38,6 @@ mod snapshots;
 mod stage;
 mod stiff_contacts;
 mod strain_limit;
-mod teleports;
-mod turning;
 mod sweeps;
+mod teleports;
 mod turning;
