@@ -42,7 +42,7 @@ pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
-use sweep::{Impact, Sweep};
+use sweep::Sweep;
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
@@ -197,7 +197,7 @@ impl ContactCaches {
         substep: Substep,
         records: Option<&mut Vec<ContactRecord>>,
     ) {
-        self.have_moved = self.sweep(memory, particles, substep);
+        self.have_moved = substep.settings.pair_rules.is_some() && self.sweep(memory, particles, substep);
         self.find(memory, particles, substep);
         if self.count() == 0 {
             return;
@@ -222,9 +222,6 @@ impl ContactCaches {
 
     /// Puts back what would have passed through another particle in this substep; whether there was any.
     fn sweep(&mut self, memory: &mut ContactMemory, particles: &mut Particles, substep: Substep) -> bool {
-        if substep.settings.pair_rules.is_none() {
-            return false;
-        }
         let proof = self.candidates.check_chains(memory, particles, substep);
         if proof != Proof::Holds {
             self.reconstruct_previous(particles, substep.duration);
@@ -233,6 +230,10 @@ impl ContactCaches {
             return false;
         }
         let Self { candidates, previous, sweep, is_implicit, pair_contacts, .. } = self;
+        let is_lone = |slot| particles.radius()[slot] > 0.0 && !candidates.exclusions.is_sprung(slot);
+        if !(0..particles.len()).any(is_lone) {
+            return false;
+        }
         candidates.derive(memory, pair_contacts, particles);
         let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
         let mut grid = std::mem::take(&mut candidates.grid);
@@ -243,13 +244,12 @@ impl ContactCaches {
             previous,
             |slot| last.is_none_or(|last| last.has_skin(slot)),
             |particles| candidates.found_pairs(memory, particles),
-            |particles, Impact { time, slots }| {
-                let ends = slots.map(|slot| slot as usize);
-                let pinned = ends.map(|slot| particles.is_pinned(slot));
-                let implicit = ends.map(|slot| is_implicit.get(slot) == Some(&true));
-                let solved_elsewhere = [0, 1].iter().all(|end| pinned[*end] || implicit[*end]);
-                let may_be_entangled = *time == 0.0 && ends.iter().all(|slot| exclusions.is_sprung(*slot));
-                !exclusions.contains(slots[0], slots[1]) && !may_be_entangled && !solved_elsewhere
+            |particles, slots| {
+                let both = |are: &dyn Fn(usize) -> bool| slots.iter().all(|slot| are(*slot as usize));
+                let is_net = both(&|slot| exclusions.is_sprung(slot));
+                let solved_elsewhere =
+                    both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
+                !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
             },
         );
         candidates.grid = grid;

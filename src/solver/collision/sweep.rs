@@ -7,6 +7,9 @@
 //! velocities, but do not travel for a part of one substep. A pinned particle goes where it is sent, and takes along
 //! what it meets. Slower pairs are never far inside each other, and cost nothing here.
 //!
+//! Two particles of nets are not swept against each other: a way back along which springs did work would be energy from
+//! nowhere.
+//!
 //! Impacts are accepted in the order of their times. What stops may be in the way of others, so the paths up to there
 //! are searched again, until no pair passes through another.
 
@@ -44,11 +47,11 @@ pub(super) struct Sweep {
 
 /// A pair that first touches within the substep.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Impact {
+struct Impact {
     /// When, as a fraction of the substep; 0 where they overlap from its start.
-    pub time: f64,
+    time: f64,
     /// The smaller first.
-    pub slots: [u32; 2],
+    slots: [u32; 2],
 }
 
 /// The paths of all particles in a substep.
@@ -73,7 +76,7 @@ impl Sweep {
         previous: &Vectors,
         is_swept: impl Fn(usize) -> bool,
         listed: impl FnOnce(&Particles) -> Option<&'a [(u32, u32)]>,
-        may_collide: impl Fn(&Particles, &Impact) -> bool + Sync,
+        may_collide: impl Fn(&Particles, [u32; 2]) -> bool + Sync,
     ) -> bool {
         let Self { is_fast, stops, pushers, is_stopped, pairs, impacts } = self;
         // Now, so that the first fast particle finds all allocated.
@@ -105,7 +108,7 @@ impl Sweep {
             let paths = Paths { stops, ..paths };
             let collide = |a: u32, b: u32| {
                 let any_fast = is_fast[a as usize] || is_fast[b as usize];
-                any_fast && paths.impact(a, b).is_some_and(|impact| may_collide(particles, &impact))
+                any_fast && may_collide(particles, [a.min(b), a.max(b)]) && paths.impact(a, b).is_some()
             };
             if let Some(listed) = listed {
                 pairs.clear();
