@@ -344,7 +344,12 @@ fn ropes(count: usize) -> Solver {
             let place = anchor + Vec3::new(0.7, -0.714, 0.0) * SPACING * slot as f32;
             let last = state.add_particle(place, Vec3::ZERO, mass, 0.02).unwrap();
             if slot > 0 {
-                let spring = solver::Spring { rest_length: SPACING, stiffness: 1e3, damping: 0.1 };
+                let spring = solver::Spring {
+                    rest_length: SPACING,
+                    stiffness: 1e3,
+                    damping: 0.1,
+                    ..Default::default()
+                };
                 state.add_spring([last - 1, last], spring).unwrap();
             }
         }

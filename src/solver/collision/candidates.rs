@@ -177,7 +177,7 @@ impl Candidates {
         self.sort_bottom_up(broad_phase, particles.radius());
     }
 
-    /// Finds the pairs of a search.
+    /// Finds the pairs of a search. Of those on springs all, as those that are entangled must be known.
     fn search(&mut self, broad_phase: &BroadPhase, particles: &Particles) {
         let Self { grid, found, exclusions, .. } = self;
         let BroadPhase { origins, skins, .. } = broad_phase;
@@ -189,7 +189,6 @@ impl Candidates {
             let free = inverse_mass[a as usize] + inverse_mass[b as usize] > 0.0;
             free && !exclusions.contains(a.min(b), a.max(b))
         };
-        // Pairs on springs that are entangled must be known, all of them.
         grid.find_pairs(spheres, (may_collide, |slot: u32| !exclusions.is_sprung(slot as usize)), found);
     }
 

@@ -233,7 +233,8 @@ mod tests {
             let (_, mut exclusions) = rope(&points[..8]);
             let mut elements = Elements::default();
             for slot in 1..8 {
-                elements.push([slot - 1, slot], Spring { rest_length: 0.1, stiffness: 1.0, damping: 0.0 });
+                elements
+                    .push([slot - 1, slot], Spring { rest_length: 0.1, stiffness: 1.0, ..Spring::default() });
             }
             exclusions.rebuild(&particles, &elements);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);

@@ -216,7 +216,7 @@ pub(super) mod tests {
             particles.push(*point, Vec3::ZERO, 1.0, 0.02);
             if slot > 0 {
                 let ends = [slot as u32 - 1, slot as u32];
-                elements.push(ends, Spring { rest_length: 0.1, stiffness: 1.0, damping: 0.0 });
+                elements.push(ends, Spring { rest_length: 0.1, stiffness: 1.0, ..Spring::default() });
             }
         }
         let mut exclusions = Exclusions::default();
