@@ -334,6 +334,56 @@ fn balls(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Ropes of 20 balls of 0.02 m, 0.1 m apart, that swing side by side from 46° below the horizontal.
+fn ropes(count: usize) -> Solver {
+    let mut state = Solver::default();
+    for rope in 0..count {
+        let anchor = Vec3::new((rope % 10) as f32 * 5.0, 0.0, (rope / 10) as f32 * 0.2);
+        for slot in 0..20_usize {
+            let mass = if slot == 0 { f32::INFINITY } else { 0.1 };
+            let place = anchor + Vec3::new(0.7, -0.714, 0.0) * SPACING * slot as f32;
+            let last = state.add_particle(place, Vec3::ZERO, mass, 0.02).unwrap();
+            if slot > 0 {
+                let spring = solver::Spring {
+                    rest_length: SPACING,
+                    stiffness: 1e3,
+                    damping: 0.1,
+                    ..Default::default()
+                };
+                state.add_spring([last - 1, last], spring).unwrap();
+            }
+        }
+    }
+    state
+}
+
+/// What it costs that ropes might touch: `on` is to be at most 1.5 times `off`. Forty ticks of 1/60 s an iteration,
+/// the second half of a swing to the other side and back, under `Auto`.
+fn apart(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("500 ropes that touch nothing, collisions");
+    group.sample_size(20);
+    for (name, pair_rules) in [("off", None), ("on", Some(PairRules::default()))] {
+        let settings =
+            StepSettings { gravity: GRAVITY, viscosity: 0.02, pair_rules, ..StepSettings::default() };
+        let mut start = ropes(500);
+        for _ in 0..40 {
+            start.step(&settings);
+        }
+        group.bench_function(name, |bencher| {
+            bencher.iter_batched_ref(
+                || start.clone(),
+                |state| {
+                    for _ in 0..40 {
+                        black_box(&mut *state).step(&settings);
+                    }
+                },
+                criterion::BatchSize::LargeInput,
+            );
+        });
+    }
+    group.finish();
+}
+
 /// What a tick costs where nothing is, beside that of an app without the plugin.
 fn idle(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("no particles");
@@ -380,5 +430,5 @@ fn edits(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, nets, balls, idle, edits);
+criterion_group!(benches, nets, balls, apart, idle, edits);
 criterion_main!(benches);

@@ -326,7 +326,11 @@ fn golden_hash(name: &str) -> u64 {
     }
     let hash = *history(&mut app, &all, TICKS).last().expect("some ticks were run");
     assert_eq!(report(&app).stiff_substeps > 0, name == "two schemes", "{}", report(&app).schemes());
-    // More than the planes alone could have: balls touch balls.
-    assert!(balls == 0 || report(&app).contacts > usize::from(balls), "{} contacts", report(&app).contacts);
+    // More than the planes alone could have, soon at least: balls touch balls.
+    let touch = |_| {
+        app.update();
+        report(&app).contacts > usize::from(balls)
+    };
+    assert!(balls == 0 || (0..100).any(touch), "{} contacts", report(&app).contacts);
     hash
 }

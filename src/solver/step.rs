@@ -58,7 +58,7 @@ pub(crate) fn step(
     }
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
-        caches.contacts.begin_substep(&state.particles.position, &inputs.planes, settings);
+        caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         caches.advance(state, inputs, settings, pinned, plan, (index, duration));
@@ -81,7 +81,7 @@ pub(crate) fn step(
         };
         let records = outputs.record_contacts.then_some(&mut outputs.contacts);
         caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
-        if caches.contacts.count() > 0 {
+        if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {
                 caches.contacts.for_each_touching(|slot| state.pulls.touch(slot));

@@ -11,6 +11,7 @@ mod collisions;
 #[path = "../common/mod.rs"]
 mod common;
 mod control;
+mod crowds;
 mod disabling;
 mod energy;
 mod far;
@@ -37,5 +38,6 @@ mod snapshots;
 mod stage;
 mod stiff_contacts;
 mod strain_limit;
+mod sweeps;
 mod teleports;
 mod turning;

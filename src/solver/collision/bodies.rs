@@ -27,6 +27,8 @@ pub(super) struct Body {
     pub radius: f32,
     /// Number of its resting contacts.
     pub holds: u32,
+    /// Number of the particles that it touches, at most 255.
+    pub touching: u8,
     /// Whether it rests on the ground or on something that does.
     pub supported: bool,
     /// Whether springs pull at it.
@@ -63,6 +65,7 @@ pub(super) fn fill(
                 inverse_mass: particles.inverse_mass()[slot],
                 radius: particles.radius()[slot],
                 holds: 0,
+                touching: 0,
                 supported: particles.inverse_mass()[slot] == 0.0,
                 sprung: exclusions.is_sprung(slot),
                 implicit: is_implicit.get(slot) == Some(&true),

@@ -6,6 +6,9 @@
 
 use bevy::math::Vec3;
 
+use super::chain_search::ChainSearch;
+use super::chains::{Chain, Durations, Proof};
+use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
 /// The skins of slow particles, as a part of their radius: thin ones as long as lists last, which keeps them
@@ -28,25 +31,34 @@ const FAST_TICKS: [f32; 4] = [4.0, 1.0, 0.25, 0.0];
 pub(super) struct BroadPhase {
     /// The positions then, m.
     pub origins: Vectors,
-    /// m. Of points, which never collide, the largest number.
+    /// m. Of points, which never collide, and of particles of free chains the largest number.
     pub skins: Vec<f32>,
+    /// The free chains.
+    pub chains: Vec<Chain>,
+    /// The positions of their particles when their play was found, m; empty without springs.
+    pub chain_origins: Vectors,
     /// Against gravity then; zero where there was none.
     pub up: Vec3,
-    /// Whether any particle is more than a point.
-    pub any_spheres: bool,
+    /// Whether any particle has a skin.
+    pub any_skins: bool,
 }
 
 impl BroadPhase {
     /// Whether it is about this number of particles.
     pub fn fits(&self, count: usize) -> bool {
-        self.skins.len() == count && self.origins.axes().iter().all(|axis| axis.len() == count)
+        let are_all = |vectors: &Vectors| vectors.axes().iter().all(|axis| axis.len() == count);
+        let chains_fit = || {
+            are_all(&self.chain_origins)
+                && self.chains.iter().all(|chain| !chain.slots().is_empty() && chain.slots().end <= count)
+        };
+        self.skins.len() == count && are_all(&self.origins) && (self.chains.is_empty() || chains_fit())
     }
 
     /// Starts a search at the present positions.
     pub fn start(&mut self, particles: &Particles, up: Vec3) {
         self.origins.copy_from(&particles.position);
         self.up = up;
-        self.any_spheres = particles.radius().iter().any(|radius| *radius > 0.0);
+        self.chains.clear();
     }
 
     /// Chooses the skins by the present velocities; `wide` and `crowded` as in [`super::ContactMemory`],
@@ -73,18 +85,72 @@ impl BroadPhase {
             _ if is_fast(slot, ticks) => thick_skin * radius,
             _ => slow_skin * radius,
         }));
+        self.any_skins = true;
+    }
+
+    /// Finds the free chains.
+    pub fn find_chains(
+        &mut self,
+        search: &mut ChainSearch,
+        particles: &Particles,
+        exclusions: &Exclusions,
+        durations: Durations,
+    ) {
+        let Self { skins, chains, chain_origins, .. } = self;
+        search.find(particles, exclusions, skins, durations, chains);
+        match exclusions.any_sprung() {
+            true => chain_origins.copy_from(&particles.position),
+            false => chain_origins.resize(0),
+        }
+        self.remove_chain_skins();
+        self.any_skins = (0..particles.len()).any(|slot| self.has_skin(slot));
+    }
+
+    /// Particles of free chains need no skins.
+    pub fn remove_chain_skins(&mut self) {
+        self.chains.iter().for_each(|chain| self.skins[chain.slots()].fill(f32::MAX));
+    }
+
+    /// Whether the particle in a slot may touch others.
+    pub fn has_skin(&self, slot: usize) -> bool {
+        self.skins[slot] < f32::MAX
+    }
+
+    /// What all have moved by, about, m. (Any vector will do: skins and boxes are compared without it.)
+    fn common_way(&self, particles: &Particles) -> Vec3 {
+        mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot))
+    }
+
+    /// Whether the free chains still are; the play of those that have used it up is found anew.
+    pub fn check_chains(&mut self, particles: &Particles, exclusions: &Exclusions, substep: f32) -> Proof {
+        let mut worst = Proof::Holds;
+        if self.chains.is_empty() {
+            return worst;
+        }
+        let common = self.common_way(particles);
+        let Self { chains, chain_origins: origins, .. } = self;
+        for chain in chains {
+            let [outside, mut bent] = chain.proofs(&particles.position, origins, common);
+            if bent == Proof::Expires && chain.renew_play(particles, exclusions, substep) {
+                for (origins, here) in origins.axes_mut().into_iter().zip(particles.position.axes()) {
+                    origins[chain.slots()].copy_from_slice(&here[chain.slots()]);
+                }
+                bent = Proof::Holds;
+            }
+            worst = worst.max(outside).max(bent);
+        }
+        worst
     }
 
     /// Whether a particle has moved by more than its skin. What all have moved by together does not count:
     /// it brings no two of them closer.
     pub fn skin_exceeded(&self, particles: &Particles) -> bool {
-        if !self.any_spheres {
+        if !self.any_skins {
             return false;
         }
         let [x, y, z] = particles.position.axes();
         let [origin_x, origin_y, origin_z] = self.origins.axes();
-        let common =
-            mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot)).to_array();
+        let common = self.common_way(particles).to_array();
         let moved = x.iter().zip(origin_x).zip(y.iter().zip(origin_y)).zip(z.iter().zip(origin_z));
         moved.zip(&self.skins).any(|((((x, from_x), (y, from_y)), (z, from_z)), skin)| {
             let moved = [x - from_x - common[0], y - from_y - common[1], z - from_z - common[2]];
@@ -104,7 +170,7 @@ fn slow_skin(wide: bool) -> f32 {
 }
 
 /// About the mean of a vector over `count` particles: that of every sixteenth. Zero if it is not finite.
-fn mean(count: usize, vector: impl Fn(usize) -> Vec3) -> Vec3 {
+pub(super) fn mean(count: usize, vector: impl Fn(usize) -> Vec3) -> Vec3 {
     let sample = (0..count).step_by(16);
     let size = sample.len() as f32;
     let mean = sample.map(vector).sum::<Vec3>() / size;

@@ -1,14 +1,17 @@
 //! The pairs of particles that may touch: searched anew when the memory's last search has become invalid, or
 //! derived from that search again.
 
+use crate::solver::elements::Elements;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
 
 use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
+use super::chain_search::ChainSearch;
+use super::chains::{Durations, Proof};
 use super::grid::Grid;
-use super::list::{Candidate, List, Past, slots};
+use super::list::{List, Past, slots};
 use super::memory::{ContactMemory, RememberedContact};
 use super::pairs::PairContacts;
 use super::regions::{Groups, Regions};
@@ -24,20 +27,19 @@ const SCATTERED_PAIRS: usize = 1;
 pub(super) struct Candidates {
     /// In groups, each from the bottom of the world to the top.
     pub list: List,
-    grid: Grid,
+    pub grid: Grid,
     /// The found pairs of slots.
     found: Vec<(u32, u32)>,
-    /// The same in groups.
-    grouped: Vec<(u32, u32)>,
-    /// The heights of their middles, as sortable bits, and their places in the group.
-    keys: Vec<u64>,
-    /// The height of each particle, m.
-    heights: Vec<f32>,
     pub exclusions: Exclusions,
+    chain_search: ChainSearch,
+    /// Whether the free chains of the last search were so in this substep.
+    proof: Proof,
     pub regions: Regions,
     pub groups: Groups,
     /// The memory from which all this follows.
     version: Option<Version>,
+    /// The memory with whose springs, masses and radii the exclusions are right.
+    exclusions_version: Option<Version>,
     /// Whether contacts have been found since then that the memory does not hold yet.
     ahead: bool,
 }
@@ -64,27 +66,70 @@ impl Candidates {
         substep: Substep,
     ) {
         let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()));
-        let exceeded = last.map(|last| last.skin_exceeded(particles));
-        let derived = exceeded.is_some() && self.version == Some(memory.version);
-        if !derived {
-            self.exclusions.rebuild(particles, substep.elements);
-        }
+        let exceeded = last.map(|last| self.is_exceeded(last, particles));
+        self.refresh_exclusions(memory, particles, substep.elements);
         memory.age = memory.age.saturating_add(1);
         if exceeded != Some(false) {
             self.store(memory, contacts);
             if exceeded == Some(true) {
                 memory.wide = should_be_wide(memory.wide, memory.age);
             }
+            memory.age = 0;
             self.search_anew(memory, particles, substep);
             self.recall(memory, contacts);
             self.entangle(memory, particles, previous);
-        } else if let Some(last) = memory.broad_phase.as_ref().filter(|_| !derived) {
-            self.search(last, particles);
-            self.sort_bottom_up(last, particles.radius());
-            self.recall(memory, contacts);
+        } else {
+            self.derive(memory, contacts, particles);
         }
         self.version = Some(memory.version);
         self.ahead = true;
+    }
+
+    /// Makes the exclusions those of the present springs.
+    pub fn refresh_exclusions(&mut self, memory: &ContactMemory, particles: &Particles, elements: &Elements) {
+        if self.exclusions_version != Some(memory.version) {
+            self.exclusions.rebuild(particles, elements);
+            self.exclusions_version = Some(memory.version);
+        }
+    }
+
+    /// Whether pairs may touch that the last search has not found.
+    fn is_exceeded(&self, last: &BroadPhase, particles: &Particles) -> bool {
+        self.proof != Proof::Holds || last.skin_exceeded(particles)
+    }
+
+    /// Derives the list from the last search again, if that is good and the list does not follow from it already.
+    pub fn derive(&mut self, memory: &ContactMemory, contacts: &mut PairContacts, particles: &Particles) {
+        let Some(last) = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len())) else {
+            return;
+        };
+        if self.version != Some(memory.version) && !self.is_exceeded(last, particles) {
+            self.search(last, particles);
+            self.sort_bottom_up(last, particles.radius());
+            self.recall(memory, contacts);
+            self.version = Some(memory.version);
+        }
+    }
+
+    /// The pairs of slots that may touch, if the last search is still good.
+    pub fn found_pairs(&self, memory: &ContactMemory, particles: &Particles) -> Option<&[(u32, u32)]> {
+        let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()))?;
+        (self.version == Some(memory.version) && !self.is_exceeded(last, particles)).then_some(&self.found)
+    }
+
+    /// Checks whether the free chains still are.
+    pub fn check_chains(
+        &mut self,
+        memory: &mut ContactMemory,
+        particles: &Particles,
+        substep: Substep,
+    ) -> Proof {
+        self.refresh_exclusions(memory, particles, substep.elements);
+        let last = memory.broad_phase.as_mut().filter(|last| last.fits(particles.len()));
+        let time_step = substep.settings.time_step;
+        self.proof =
+            last.map_or(Proof::Fails, |last| last.check_chains(particles, &self.exclusions, time_step));
+        self.proof
     }
 
     /// Writes the contacts into the memory.
@@ -108,71 +153,51 @@ impl Candidates {
             }
         }
         *version = Version::new();
-        self.version = Some(*version);
+        (self.version, self.exclusions_version) = (Some(*version), Some(*version));
     }
 
     /// Searches the pairs at the present positions.
     fn search_anew(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
         let time_step = substep.settings.time_step;
-        let ContactMemory { broad_phase, wide, age, crowded, .. } = memory;
-        *age = 0;
+        let ContactMemory { broad_phase, wide, crowded, .. } = memory;
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
         broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+        let durations =
+            Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity.length() };
+        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, durations);
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
             *crowded = true;
             broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+            broad_phase.remove_chain_skins();
             self.search(broad_phase, particles);
         }
         *crowded &= self.found.len() >= SCATTERED_PAIRS * particles.len();
         self.sort_bottom_up(broad_phase, particles.radius());
     }
 
-    /// Finds the pairs of a search.
+    /// Finds the pairs of a search. Of those on springs all, as those that are entangled must be known.
     fn search(&mut self, broad_phase: &BroadPhase, particles: &Particles) {
         let Self { grid, found, exclusions, .. } = self;
         let BroadPhase { origins, skins, .. } = broad_phase;
         let (radius, inverse_mass) = (particles.radius(), particles.inverse_mass());
         let spheres = (0..radius.len())
-            .filter(|slot| radius[*slot] > 0.0)
+            .filter(|slot| broad_phase.has_skin(*slot))
             .map(|slot| (slot as u32, origins.get(slot), radius[slot] + skins[slot]));
         let may_collide = |a: u32, b: u32| {
             let free = inverse_mass[a as usize] + inverse_mass[b as usize] > 0.0;
             free && !exclusions.contains(a.min(b), a.max(b))
         };
-        grid.find_pairs(spheres, may_collide, found);
+        grid.find_pairs(spheres, (may_collide, |slot: u32| !exclusions.is_sprung(slot as usize)), found);
     }
 
-    /// Divides the found pairs into groups, and lists those of each by the height of their middle: whatever
-    /// carries a pair comes before it. (Not by that of the lower particle: pairs in a row that share one
-    /// would have to wait for each other.)
+    /// Divides the found pairs into groups, and lists those of each from the bottom up.
     fn sort_bottom_up(&mut self, broad_phase: &BroadPhase, radius: &[f32]) {
-        let Self { list, heights, keys, found, grouped, regions, groups, .. } = self;
+        let Self { list, found, regions, groups, .. } = self;
         let BroadPhase { origins, up, .. } = broad_phase;
         regions.divide(origins, radius, *up);
-        groups.arrange(regions, found, grouped);
-        heights.clear();
-        heights.extend((0..origins.len()).map(|slot| origins.get(slot).dot(*up)));
-        keys.resize(found.len(), 0);
-        list.pairs.resize(found.len(), Candidate { lower: 0, upper: 0, past: Past::Apart });
-        let height = |slot: u32| heights[slot as usize];
-        let body = |slot: u32| regions.body_of[slot as usize];
-        groups.for_each_list((&mut keys[..], &mut list.pairs[..]), |group, (keys, pairs)| {
-            let found = &grouped[group.pairs.clone()];
-            for (place, (key, (a, b))) in keys.iter_mut().zip(found).enumerate() {
-                // Floats sort like integers once the bits of negative ones are inverted.
-                let bits = (height(*a) + height(*b)).to_bits();
-                let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
-                *key = u64::from(sortable) << 32 | place as u64;
-            }
-            keys.sort_unstable();
-            for (pair, key) in pairs.iter_mut().zip(keys) {
-                let (a, b) = found[*key as u32 as usize];
-                let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
-                *pair = Candidate { lower: body(lower), upper: body(upper), past: Past::Apart };
-            }
-        });
+        list.arrange(found, regions, groups, (origins, *up));
     }
 
     /// Gives the listed pairs the past that the memory holds.
@@ -225,11 +250,10 @@ impl Candidates {
 mod tests {
     use bevy::math::Vec3;
 
+    use super::super::pairs::Impulses;
     use super::*;
-    use crate::solver::StepSettings;
-    use crate::solver::collision::pairs::Impulses;
-    use crate::solver::elements::{Elements, Spring};
-    use crate::solver::settings::Integrator;
+    use crate::solver::elements::Spring;
+    use crate::solver::settings::{Integrator, StepSettings};
 
     /// Longer than the radii: it excludes no pair.
     const LONG: Spring =
@@ -258,8 +282,7 @@ mod tests {
             let Self { memory, candidates, contacts, elements } = self;
             let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
             let (planes, acceleration) = (&[], &Vectors::default());
-            let integrator = Integrator::SemiImplicitEuler;
-            let (duration, elapsed) = (0.01, 1.0);
+            let (integrator, duration, elapsed) = (Integrator::SemiImplicitEuler, 0.01, 1.0);
             let substep = Substep { elements, planes, acceleration, settings, integrator, duration, elapsed };
             candidates.refresh(memory, contacts, particles, &particles.position, substep);
             // No narrow phase follows.
@@ -302,11 +325,8 @@ mod tests {
         pairs.memory.renumber(&[None, Some(2), Some(1), Some(0)], 3);
         particles = row(1.0, 3);
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2]]);
-        assert_eq!(
-            pairs.impulses([0, 1]),
-            Some(Impulses { friction: -Vec3::Z, ..impulses }),
-            "the roles have changed"
-        );
+        let turned = Impulses { friction: -Vec3::Z, ..impulses };
+        assert_eq!(pairs.impulses([0, 1]), Some(turned), "the roles have changed");
         assert_eq!(pairs.impulses([1, 2]), None);
 
         pairs.memory.forget_particle(0);
@@ -346,7 +366,7 @@ mod tests {
         assert_eq!(listed, [(1, 2), (2, 3), (3, 0)]);
     }
 
-    /// What is derived from the memory is what was found, to the order of the list, in several slabs too.
+    /// What is derived is what was found, to the order of the list, in several slabs too.
     #[test]
     fn the_list_follows_from_the_memory() {
         let mut particles = Particles::default();

@@ -8,7 +8,7 @@
 //! hashing for collision detection of deformable objects*, VMV 2003. Several grids: Eitz and Gu,
 //! *Hierarchical spatial hashing for real-time collision detection*, SMI 2007.)
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 use bevy::math::{IVec3, Vec3, Vec4};
 
@@ -17,6 +17,17 @@ use crate::solver::particles::Vectors;
 
 /// Spheres tested together.
 const LANES: usize = 4;
+
+/// Number of partners that a sphere finds of its own size or larger, at most: the densest packing of spheres that do
+/// not overlap has about half as many within thick skins. Those that find so many are *crowded*: put into each
+/// other, they would all have each other as partners.
+const MAX_PARTNERS: usize = 64;
+
+/// Number of them that a crowded one keeps: enough to come apart, and few enough to be solved.
+const CROWDED_PARTNERS: usize = 10;
+
+/// Number of smaller partners that a sphere finds, at most.
+const MAX_SMALLER_PARTNERS: usize = 4096;
 
 /// Number of size classes: one for each exponent of an f32.
 const CLASSES: usize = 256;
@@ -99,11 +110,12 @@ const LATER_ROWS: [(i32, i32); 4] = [(1, -1), (1, 0), (1, 1), (0, 1)];
 
 impl Grid {
     /// Lists in `pairs` each pair of overlapping spheres once, in no particular but always the same order:
-    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0).
+    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0). Of crowded ones that are limited only
+    /// the first few partners are listed: the list is never longer than some number for each of them.
     pub fn find_pairs(
         &mut self,
         spheres: impl Iterator<Item = (u32, Vec3, f32)>,
-        may_collide: impl Fn(u32, u32) -> bool + Sync,
+        (may_collide, is_limited): (impl Fn(u32, u32) -> bool + Sync, impl Fn(u32) -> bool + Sync),
         pairs: &mut Vec<(u32, u32)>,
     ) {
         self.fill(spheres);
@@ -115,11 +127,7 @@ impl Grid {
         parallel::for_each(found.iter_mut().enumerate(), parallel, |(part, found)| {
             found.clear();
             for index in part * SPHERES_PER_PART..count.min((part + 1) * SPHERES_PER_PART) {
-                self.search(index, &mut |a, b| {
-                    if may_collide(a, b) {
-                        found.push((a, b));
-                    }
-                });
+                self.search(index, (&may_collide, &is_limited), found);
             }
         });
         pairs.clear();
@@ -128,25 +136,63 @@ impl Grid {
     }
 
     /// Finds the spheres that overlap the one at `index` and come after it in some order.
-    fn search(&self, index: usize, found: &mut impl FnMut(u32, u32)) {
-        let Label { class, cell, .. } = self.labels[index];
-        let own = bucket(class, cell, self.mask);
-        let own_end = self.bucket_starts[own + 1] as usize;
+    fn search(
+        &self,
+        index: usize,
+        (may_collide, is_limited): (impl Fn(u32, u32) -> bool, impl Fn(u32) -> bool),
+        found: &mut Vec<(u32, u32)>,
+    ) {
+        let Label { slot, class, cell } = self.labels[index];
+        let is_limited = is_limited(slot);
+        let first = found.len();
         let row = Row { class, cell, count: 1 };
-        self.test(index, index + 1..own_end, row, found);
-        self.visit(index, Row { cell: cell.wrapping_add(IVec3::X), ..row }, found);
-        for (y, z) in LATER_ROWS {
-            let cell = cell.wrapping_add(IVec3::new(-1, y, z));
-            self.visit(index, Row { class, cell, count: 3 }, found);
+        let own_end = self.bucket_starts[bucket(class, cell, self.mask) + 1] as usize;
+        let list = |found: &mut Vec<(u32, u32)>, limit: usize, a: u32, b: u32| {
+            if may_collide(a, b) {
+                found.push((a, b));
+            }
+            if !is_limited || found.len() < first + limit {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        };
+        let is_crowded = {
+            let mut add = |a, b| list(found, MAX_PARTNERS, a, b);
+            let rows = || LATER_ROWS.map(|(y, z)| cell.wrapping_add(IVec3::new(-1, y, z)));
+            self.test(index, index + 1..own_end, row, &mut add).is_break()
+                || self.visit(index, Row { cell: cell.wrapping_add(IVec3::X), ..row }, &mut add).is_break()
+                || rows()
+                    .into_iter()
+                    .any(|cell| self.visit(index, Row { class, cell, count: 3 }, &mut add).is_break())
+        };
+        if is_crowded {
+            found.truncate(first + CROWDED_PARTNERS);
         }
         for search in self.searches.iter().filter(|search| search.from == class) {
-            let Search { to, range, .. } = *search;
-            let corner = cell_of(self.centers.get(index), self.cell_sizes[to as usize]);
-            for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
-                let cell = corner.wrapping_add(IVec3::new(-range, y, z));
-                self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, found);
+            let is_smaller = self.cell_sizes[search.to as usize] < self.cell_sizes[class as usize];
+            let start = found.len() - first;
+            let limit = start + if is_smaller { MAX_SMALLER_PARTNERS } else { MAX_PARTNERS };
+            let mut add = |a, b| list(found, limit, a, b);
+            if self.search_class(index, *search, &mut add).is_break() && !is_smaller {
+                found.truncate(first + start + CROWDED_PARTNERS);
             }
         }
+    }
+
+    /// Finds the spheres of another class that overlap the one at `index`.
+    fn search_class(
+        &self,
+        index: usize,
+        Search { to, range, .. }: Search,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let corner = cell_of(self.centers.get(index), self.cell_sizes[to as usize]);
+        for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
+            let cell = corner.wrapping_add(IVec3::new(-range, y, z));
+            self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, found)?;
+        }
+        ControlFlow::Continue(())
     }
 
     /// Sorts the spheres into their cells.
@@ -215,24 +261,35 @@ impl Grid {
 
     /// Tests the sphere at `index` against all spheres of a row of cells, which lie in buckets in a row too.
     #[inline]
-    fn visit(&self, index: usize, row: Row, found: &mut impl FnMut(u32, u32)) {
+    fn visit(
+        &self,
+        index: usize,
+        row: Row,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         let first = bucket(row.class, row.cell, self.mask);
         let end = first + row.count as usize;
         let buckets = self.bucket_starts.len() - 1;
         let start = self.bucket_starts[first] as usize;
         if end <= buckets {
-            self.test(index, start..self.bucket_starts[end] as usize, row, found);
+            self.test(index, start..self.bucket_starts[end] as usize, row, found)
         } else {
-            self.test(index, start..self.labels.len(), row, found);
+            self.test(index, start..self.labels.len(), row, found)?;
             let wrapped = self.bucket_starts[end - buckets] as usize;
-            self.test(index, 0..wrapped, row, found);
+            self.test(index, 0..wrapped, row, found)
         }
     }
 
     /// Reports which of `others` overlap the sphere at `index` and lie in one of the cells of
-    /// `row`: a bucket may hold several.
+    /// `row`, as a bucket may hold several; until it is to break off.
     #[inline]
-    fn test(&self, index: usize, others: Range<usize>, row: Row, found: &mut impl FnMut(u32, u32)) {
+    fn test(
+        &self,
+        index: usize,
+        others: Range<usize>,
+        row: Row,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         let Sphere { center, reach } = self.sphere(index);
         let centers = [center.x, center.y, center.z].map(Vec4::splat);
         for first in others.clone().step_by(LANES) {
@@ -248,10 +305,11 @@ impl Grid {
                 let label = &self.labels[first + near.trailing_zeros() as usize];
                 near &= near - 1;
                 if row.contains(label) {
-                    found(self.labels[index].slot, label.slot);
+                    found(self.labels[index].slot, label.slot)?;
                 }
             }
         }
+        ControlFlow::Continue(())
     }
 
     fn sphere(&self, index: usize) -> Sphere {
@@ -288,7 +346,7 @@ mod tests {
         let mut pairs = Vec::new();
         let numbered =
             spheres.iter().enumerate().map(|(slot, (center, reach))| (slot as u32, *center, *reach));
-        Grid::default().find_pairs(numbered, |_, _| true, &mut pairs);
+        Grid::default().find_pairs(numbered, (|_, _| true, |_| true), &mut pairs);
         for (a, b) in &mut pairs {
             (*a, *b) = (*a.min(b), *a.max(b));
         }
@@ -311,7 +369,7 @@ mod tests {
     #[test]
     fn finds_the_same_pairs_as_testing_all() {
         let mut seed = 7;
-        for spread in [0.5, 3.0, 40.0] {
+        for spread in [1.5, 3.0, 40.0] {
             for smallest in [1.0_f32, 0.3, 0.01] {
                 let spheres: Vec<_> = (0..400)
                     .map(|_| {
@@ -323,6 +381,12 @@ mod tests {
                 assert_eq!(pairs_of(&spheres), all_pairs(&spheres), "spread {spread}, smallest {smallest}");
             }
         }
+    }
+
+    #[test]
+    fn crowded_spheres_have_few_partners() {
+        let crowd = pairs_of(&vec![(Vec3::ONE, 0.1); 3000]).len();
+        assert_eq!(crowd, (3000 - MAX_PARTNERS) * CROWDED_PARTNERS + MAX_PARTNERS * (MAX_PARTNERS - 1) / 2);
     }
 
     #[test]

@@ -40,6 +40,11 @@ impl ContactMemory {
         *self = Self { version: Version::new(), ..Self::default() };
     }
 
+    /// Whether nothing can touch among `count` particles as long as its free chains are free.
+    pub(super) fn nothing_has_a_skin(&self, count: usize) -> bool {
+        self.broad_phase.as_ref().is_some_and(|last| last.fits(count) && !last.any_skins)
+    }
+
     /// To be called when a radius, a mass or a spring has changed: the next tick searches for the pairs that
     /// may touch.
     pub fn request_search(&mut self) {

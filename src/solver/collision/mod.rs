@@ -5,14 +5,16 @@
 //! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
 //! mass.
 //!
-//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows;
-//! `response.rs` the formulas; `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
-//! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`
-//! and `plane.rs` the two kinds of contact.
+//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the
+//! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
+//! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
+//! `pairs.rs` and `plane.rs` the two kinds of contact.
 
 mod bodies;
 mod broad_phase;
 mod candidates;
+mod chain_search;
+mod chains;
 mod grid;
 mod list;
 mod memory;
@@ -23,6 +25,7 @@ mod plane;
 mod regions;
 mod response;
 mod stiff_pairs;
+mod sweep;
 
 use bevy::math::{Vec3, Vec3A};
 
@@ -31,6 +34,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, PairRules, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
+use chains::Proof;
 pub use memory::ContactMemory;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
@@ -38,6 +42,7 @@ pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
+use sweep::Sweep;
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
@@ -48,6 +53,11 @@ const SETTLED_ERROR: f32 = 0.02;
 
 /// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
+
+/// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
+/// all overlaps of a particle in one together displace it by at most this part of the sum of two radii in a second
+/// (1/s). The approach of two in the same substep is undone at once.
+const RECOVERY_RATE: f32 = 10.0;
 
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
 const JAMMING_CONTACTS: u32 = 3;
@@ -87,6 +97,10 @@ pub(super) struct ContactCaches {
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
+    has_previous: bool,
+    sweep: Sweep,
+    /// Whether the last substep of contacts has moved any particle.
+    have_moved: bool,
     /// Whether the particle in each slot is in an island that implicit Euler advances: what it touches of planes
     /// and pinned particles is a part of that step. Empty where it advances none.
     is_implicit: Vec<bool>,
@@ -148,11 +162,30 @@ impl ContactCaches {
         }
     }
 
-    /// Keeps the positions from which friction measures how far particles slipped.
-    pub fn begin_substep(&mut self, positions: &Vectors, planes: &[Plane], settings: &StepSettings) {
+    /// Keeps the positions from which friction measures how far particles slipped, if anything may touch.
+    pub fn begin_substep(
+        &mut self,
+        memory: &ContactMemory,
+        positions: &Vectors,
+        planes: &[Plane],
+        settings: &StepSettings,
+    ) {
         let any_planes = settings.collide_with_planes && !planes.is_empty();
-        if any_planes || settings.pair_rules.is_some() {
+        let any_pairs = settings.pair_rules.is_some() && !memory.nothing_has_a_skin(positions.len());
+        self.has_previous = any_planes || any_pairs;
+        if self.has_previous {
             self.previous.copy_from(positions);
+        }
+    }
+
+    /// Finds about where all were at the start of a substep in which nothing was expected to touch.
+    fn reconstruct_previous(&mut self, particles: &Particles, duration: f32) {
+        if std::mem::replace(&mut self.has_previous, true) {
+            return;
+        }
+        self.previous.copy_from(&particles.position);
+        for (start, velocity) in self.previous.axes_mut().into_iter().zip(particles.velocity.axes()) {
+            start.iter_mut().zip(velocity).for_each(|(start, velocity)| *start -= duration * velocity);
         }
     }
 
@@ -164,10 +197,12 @@ impl ContactCaches {
         substep: Substep,
         records: Option<&mut Vec<ContactRecord>>,
     ) {
+        self.have_moved = substep.settings.pair_rules.is_some() && self.sweep(memory, particles, substep);
         self.find(memory, particles, substep);
         if self.count() == 0 {
             return;
         }
+        self.have_moved = true;
         let Substep { settings, integrator, duration, .. } = substep;
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
@@ -178,6 +213,47 @@ impl ContactCaches {
         if let Some(records) = records {
             self.record(particles, records);
         }
+    }
+
+    /// Whether contacts have moved any particle in the last substep.
+    pub fn have_moved(&self) -> bool {
+        self.have_moved
+    }
+
+    /// Puts back what would have passed through another particle in this substep; whether there was any.
+    fn sweep(&mut self, memory: &mut ContactMemory, particles: &mut Particles, substep: Substep) -> bool {
+        let proof = self.candidates.check_chains(memory, particles, substep);
+        if proof != Proof::Holds {
+            self.reconstruct_previous(particles, substep.duration);
+        }
+        if proof != Proof::Fails && memory.nothing_has_a_skin(particles.len()) {
+            return false;
+        }
+        let Self { candidates, previous, sweep, is_implicit, pair_contacts, .. } = self;
+        let is_lone = |slot| particles.radius()[slot] > 0.0 && !candidates.exclusions.is_sprung(slot);
+        if !(0..particles.len()).any(is_lone) {
+            return false;
+        }
+        candidates.derive(memory, pair_contacts, particles);
+        let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
+        let mut grid = std::mem::take(&mut candidates.grid);
+        let exclusions = &candidates.exclusions;
+        let any = sweep.put_back(
+            &mut grid,
+            particles,
+            previous,
+            |slot| last.is_none_or(|last| last.has_skin(slot)),
+            |particles| candidates.found_pairs(memory, particles),
+            |particles, slots| {
+                let both = |are: &dyn Fn(usize) -> bool| slots.iter().all(|slot| are(*slot as usize));
+                let is_net = both(&|slot| exclusions.is_sprung(slot));
+                let solved_elsewhere =
+                    both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
+                !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
+            },
+        );
+        candidates.grid = grid;
+        any
     }
 
     /// Writes what the next ticks depend on into the memory.
@@ -279,8 +355,9 @@ impl ContactCaches {
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
         let Self { pair_contacts, plane_contacts, candidates, surfaces, bodies, .. } = self;
+        let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
         for _ in 0..POSITION_ITERATIONS {
-            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies);
+            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }

@@ -106,7 +106,10 @@ impl Search<'_> {
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let distance = separation.length();
-        let normal = direction(separation, distance);
+        let normal = match distance > 0.0 {
+            true => separation / distance,
+            false => direction([first, second].map(|place| slot_of[place + start])),
+        };
         let velocity = (upper.velocity - lower.velocity).dot(normal);
         let mut target_velocity = 0.0;
         if velocity < 0.0 {
@@ -124,8 +127,10 @@ impl Search<'_> {
         let sprung = upper.sprung || lower.sprung;
         let supports = lower.supported && normal.dot(*up) > MIN_SUPPORT_COSINE;
         bodies[first].supported |= supports;
-        bodies[first].holds += u32::from(resting);
-        bodies[second].holds += u32::from(resting);
+        for body in [first, second] {
+            bodies[body].holds += u32::from(resting);
+            bodies[body].touching = bodies[body].touching.saturating_add(1);
+        }
         Some(PairContact {
             first: first as u32,
             second: second as u32,
@@ -158,7 +163,36 @@ fn overlap([one, other]: [&Body; 2]) -> bool {
     (one.position - other.position).length_squared() <= reach * reach
 }
 
-/// The unit vector along `separation`; +Y for two particles in the same place.
-fn direction(separation: Vec3A, distance: f32) -> Vec3A {
-    if distance == 0.0 { Vec3A::Y } else { separation / distance }
+/// A unit vector for two particles in the same place, from the second to the first: it follows from their slots, and
+/// many in one place come apart in all directions.
+fn direction([first, second]: [u32; 2]) -> Vec3A {
+    let mut bits = first.min(second).wrapping_mul(0x9E37_79B9) ^ first.max(second).wrapping_mul(0x85EB_CA6B);
+    let mut coordinate = || {
+        // A step of the hash by Wang, *Integer hash function*, 2007.
+        bits = (bits ^ 61 ^ (bits >> 16)).wrapping_mul(9);
+        bits = (bits ^ (bits >> 4)).wrapping_mul(0x27D4_EB2D);
+        bits ^= bits >> 15;
+        // Never zero, so that neither is the vector.
+        (bits >> 8) as f32 + 0.5 - (1 << 23) as f32
+    };
+    let direction = Vec3A::new(coordinate(), coordinate(), coordinate()).normalize();
+    if first < second { direction } else { -direction }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_of_coincident_pairs_are_opposite_and_spread() {
+        let mut sum = Vec3A::ZERO;
+        for slot in 1..4000 {
+            let way = direction([0, slot]);
+            assert_eq!(way, -direction([slot, 0]));
+            assert!((way.length() - 1.0).abs() < 1e-6);
+            sum += way;
+        }
+        // A random walk of 4000 steps ends 63 from its start, hardly ever three times as far.
+        assert!(sum.length() < 200.0, "{sum}");
+    }
 }

@@ -197,23 +197,31 @@ const RESTING_CORRECTION: f32 = 0.5;
 /// The overlap that a resting pair in a pile may keep, as a part of its reach.
 const RESTING_OVERLAP: f32 = 0.001;
 
+/// Number of particles that one touches above which it is in a crowd: so many are seldom around it without overlaps.
+/// Each would throw it out by all of its overlap.
+const MAX_TOUCHING: u8 = 6;
+
 /// The part of an older overlap that a pair on springs is separated by in each iteration. To separate it
 /// stretches the springs that press it together; whatever is more than undoing its approach in this substep
 /// would give them energy from nowhere.
 const SPRUNG_CORRECTION: f32 = 0.01;
 
 /// Separates overlapping pairs, the lighter particle moving more; static friction puts both back to
-/// where they stuck.
+/// where they stuck. In a crowd what is more than undoing the approach of a pair in this substep is at most the part
+/// `recovery` of the sum of their radii, for all pairs of a particle together.
 pub(super) fn solve_positions(
     contacts: &mut PairContacts,
     groups: &mut Groups,
     rules: PairRules,
     bodies: &mut [Body],
+    recovery: f32,
 ) {
-    contacts.for_each_group(groups, bodies, |_, contacts, bodies| separate(contacts, rules, bodies));
+    contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
+        separate(contacts, rules, bodies, recovery);
+    });
 }
 
-fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
+fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], recovery: f32) {
     for contact in contacts {
         let [first, second] = contact.both(bodies);
         let reach = first.radius + second.radius;
@@ -226,8 +234,12 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body]) {
             continue;
         }
         let mut depth = part * (depth - allowed);
+        let approached = (second.moved() - first.moved()).dot(contact.normal);
+        let touching = first.touching.max(second.touching);
+        if touching > MAX_TOUCHING && !contact.sprung {
+            depth = depth.min(approached.max(0.0) + recovery * reach / f32::from(touching));
+        }
         if contact.sprung {
-            let approached = (second.moved() - first.moved()).dot(contact.normal);
             depth = depth.min(approached + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
                 continue;

@@ -42,7 +42,7 @@ impl StiffPairs {
             let (start, end) = (start.get(slot), particles.position.get(slot));
             (slot as u32, start.midpoint(end), particles.radius()[slot] + 0.5 * start.distance(end))
         });
-        grid.find_pairs(spheres, |_, _| true, near);
+        grid.find_pairs(spheres, (|_, _| true, |_| false), near);
         if near.is_empty() {
             return;
         }

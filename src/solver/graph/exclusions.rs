@@ -32,13 +32,15 @@ pub(in crate::solver) struct Exclusions {
     excluded: Buckets<u32>,
     /// Whether a spring pulls at each particle.
     sprung: Vec<bool>,
+    /// Whether a spring joins each particle to the one in the slot before.
+    continues: Vec<bool>,
 }
 
 impl Exclusions {
     /// Derives them from all springs.
     pub fn rebuild(&mut self, particles: &Particles, elements: &Elements) {
         let radius = particles.radius();
-        let Self { excluded, sprung } = self;
+        let Self { excluded, sprung, continues } = self;
         sprung.clear();
         sprung.resize(particles.len(), false);
         elements.for_each_acting(|Acting { ends, .. }| {
@@ -46,6 +48,13 @@ impl Exclusions {
         });
         let springs = elements.springs();
         let pairs = springs.all_ends().iter().zip(springs.elements());
+        continues.clear();
+        continues.resize(particles.len(), false);
+        for (&[first, second], spring) in pairs.clone() {
+            if spring.stiffness > 0.0 && first.abs_diff(second) == 1 {
+                continues[first.max(second) as usize] = true;
+            }
+        }
         excluded.fill(particles.len(), |add| {
             for (&[first, second], spring) in pairs.clone() {
                 let reach = radius[first as usize] + radius[second as usize];
@@ -65,6 +74,11 @@ impl Exclusions {
     /// Whether a spring pulls at a particle.
     pub fn is_sprung(&self, slot: usize) -> bool {
         self.sprung.get(slot) == Some(&true)
+    }
+
+    /// Whether a spring joins each particle to the one in the slot before.
+    pub fn continues(&self) -> &[bool] {
+        &self.continues
     }
 
     /// Whether the particles a < b do not collide.

@@ -1,0 +1,245 @@
+//! Ropes and the like that touch nothing for a while, as units: the broad phase before the broad phase.
+//!
+//! A *chain* is a row of slots of which springs join each to the next. It is *free* as long as two things hold that
+//! are found out once and then only checked:
+//! - All of it is in a box, larger than itself by what it will need in the next ticks, and no other such box and no
+//!   sphere's skin reach into it. So it touches nothing else.
+//! - Since its origins were noted, no particle has moved, relative to its neighbour in the row, by more than the
+//!   chain's *play*: the least of (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| over its pairs. The separation of i and j changes by
+//!   |i − j| times as much at most, so the chain does not touch itself. (Unlike a skin it is not used up by a
+//!   motion of the whole, and slowly by a rotation.)
+//!
+//! Particles of free chains have no skins to check, no candidates, and are in no grid.
+
+use std::ops::Range;
+
+use bevy::math::{Vec3, Vec4};
+
+use crate::solver::graph::Exclusions;
+use crate::solver::particles::{Particles, Vectors};
+
+/// Number of particles of a chain, at least and at most: all its pairs are looked at.
+pub(super) const MIN_LENGTH: usize = 4;
+pub(super) const MAX_LENGTH: usize = 128;
+
+/// The part of the speed along an axis, and of the speed in any direction, that a box allows for changes of the
+/// velocity.
+const CHANGE_ALONG: f32 = 0.5;
+const CHANGE_ACROSS: f32 = 0.05;
+
+/// The part of its play that a chain uses before it is looked at anew: the rest is for one substep.
+const USED_PLAY: f32 = 0.75;
+
+/// Number of substeps for which the play of a free chain is to last at the present velocities.
+const PLAY_SUBSTEPS: f32 = 2.0;
+
+/// Pairs of particles are tested four at a time.
+const LANES: usize = 4;
+
+/// A free chain.
+#[derive(Debug, Clone, Copy, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Chain {
+    /// The slots are those from here to before `end`.
+    start: u32,
+    end: u32,
+    /// The corners of the box of the centres, m: that in which it need not be looked at again.
+    least: Vec3,
+    most: Vec3,
+    /// What the box is larger on each side that nothing else reaches into, m.
+    margin: Vec3,
+    /// m.
+    play: f32,
+}
+
+/// Whether it is known that a chain touches nothing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Proof {
+    /// It touches nothing, and may stay unexamined.
+    #[default]
+    Holds,
+    /// It touches nothing yet.
+    Expires,
+    /// It may touch anything.
+    Fails,
+}
+
+impl Chain {
+    /// A chain of these slots, without a box yet.
+    pub fn new(slots: Range<usize>) -> Self {
+        Self { start: slots.start as u32, end: slots.end as u32, ..Self::default() }
+    }
+
+    /// The slots of its particles.
+    pub fn slots(&self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+
+    /// The corners of what nothing else reaches into, m.
+    pub fn reserved(&self) -> [Vec3; 2] {
+        [self.least - self.margin, self.most + self.margin]
+    }
+
+    /// Whether all centres less `common` are in the box grown by `margin`.
+    fn is_inside(&self, positions: &Vectors, common: Vec3, margin: Vec3) -> bool {
+        let (least, most) = (self.least + common - margin, self.most + common + margin);
+        (0..3).all(|axis| {
+            let (least, most) = (least[axis], most[axis]);
+            let positions = &positions.axes()[axis][self.slots()];
+            positions.iter().fold(true, |inside, x| inside & (*x >= least) & (*x <= most))
+        })
+    }
+
+    /// Whether the relative motion of neighbours is within `play`.
+    fn is_within_play(&self, positions: &Vectors, origins: &Vectors, play: f32) -> bool {
+        let slots = self.slots();
+        let [x, y, z] = positions.axes();
+        let (x, y, z) = (&x[slots.clone()], &y[slots.clone()], &z[slots.clone()]);
+        let [from_x, from_y, from_z] = origins.axes();
+        let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
+        let change = |here: &[f32], from: &[f32], place: usize| {
+            (here[place] - here[place - 1]) - (from[place] - from[place - 1])
+        };
+        let limit = play * play;
+        (1..x.len()).fold(true, |within, place| {
+            let (x, y, z) = (change(x, from_x, place), change(y, from_y, place), change(z, from_z, place));
+            within & (x * x + y * y + z * z <= limit)
+        })
+    }
+
+    /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
+    pub fn proofs(&self, positions: &Vectors, origins: &Vectors, common: Vec3) -> [Proof; 2] {
+        let is_inside = |margin: Vec3| self.is_inside(positions, common, margin);
+        let is_within = |play: f32| self.is_within_play(positions, origins, play);
+        let proof = |holds: bool, fails: &dyn Fn() -> bool| match holds {
+            true => Proof::Holds,
+            false if fails() => Proof::Fails,
+            false => Proof::Expires,
+        };
+        [
+            proof(is_inside(Vec3::ZERO), &|| !is_inside(self.margin)),
+            proof(is_within(USED_PLAY * self.play), &|| !is_within(self.play)),
+        ]
+    }
+
+    /// Finds its play at the present positions; whether it is enough for some substeps of
+    /// `substep` s.
+    pub fn renew_play(&mut self, particles: &Particles, exclusions: &Exclusions, substep: f32) -> bool {
+        let slots = self.slots();
+        let velocity = |slot: usize| particles.velocity.get(slot);
+        let speeds = slots.clone().skip(1).map(|slot| velocity(slot).distance_squared(velocity(slot - 1)));
+        let needed = speeds.fold(0.0, f32::max).sqrt() * PLAY_SUBSTEPS * substep;
+        self.play = play(particles, exclusions, slots);
+        self.play > 0.0 && USED_PLAY * self.play > needed
+    }
+
+    /// Makes its box large enough for `ticks`; `common` is the velocity of all, m/s.
+    pub fn make_box(
+        &mut self,
+        particles: &Particles,
+        common: Vec3,
+        ticks: f32,
+        Durations { time_step, substep, gravity }: Durations,
+    ) {
+        let (mut least, mut most) = ([Vec3::INFINITY; 2], [Vec3::NEG_INFINITY; 2]);
+        let mut speed_squared = 0.0_f32;
+        for slot in self.slots() {
+            let (position, velocity) = (particles.position.get(slot), particles.velocity.get(slot) - common);
+            least = [least[0].min(position), least[1].min(velocity)];
+            most = [most[0].max(position), most[1].max(velocity)];
+            speed_squared = speed_squared.max(velocity.length_squared());
+        }
+        let (duration, speed) = (ticks * time_step, speed_squared.sqrt());
+        let along = least[1].abs().max(most[1].abs());
+        let across = CHANGE_ACROSS * speed;
+        let change = CHANGE_ALONG * along + across + 0.5 * gravity * duration;
+        self.least = least[0] + (least[1].min(Vec3::ZERO) - change) * duration;
+        self.most = most[0] + (most[1].max(Vec3::ZERO) + change) * duration;
+        self.margin = 2.0 * (along + across + gravity * substep) * substep;
+    }
+}
+
+/// The least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide.
+fn play(particles: &Particles, exclusions: &Exclusions, slots: Range<usize>) -> f32 {
+    let (start, count) = (slots.start, slots.len());
+    // Padded with what is far away.
+    let mut buffer = [[f32::MAX.sqrt() * 0.1; MAX_LENGTH + LANES]; 4];
+    for (axis, values) in buffer.iter_mut().zip(particles.position.axes()) {
+        axis[..count].copy_from_slice(&values[slots.clone()]);
+    }
+    buffer[3] = [0.0; MAX_LENGTH + LANES];
+    buffer[3][..count].copy_from_slice(&particles.radius()[slots]);
+    let [x, y, z, radius] = &buffer;
+    let mut play = f32::MAX.sqrt() * 1e-3;
+    for one in 0..count {
+        let centre = [x[one], y[one], z[one]].map(Vec4::splat);
+        for first in (one + 1..count).step_by(LANES) {
+            let four = |array: &[f32]| Vec4::from_slice(&array[first..]);
+            let away = [four(x) - centre[0], four(y) - centre[1], four(z) - centre[2]];
+            let steps = (first - one) as f32 + Vec4::new(0.0, 1.0, 2.0, 3.0);
+            let needed = four(radius) + radius[one] + steps * play;
+            let distance_squared = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+            let mut near = distance_squared.cmplt(needed * needed).bitmask();
+            while near != 0 {
+                let lane = near.trailing_zeros() as usize;
+                near &= near - 1;
+                let other = first + lane;
+                let are_spheres = radius[one] > 0.0 && radius[other] > 0.0;
+                let [a, b] = [one, other].map(|place| (start + place) as u32);
+                if other < count && are_spheres && !exclusions.contains(a, b) {
+                    let gap = distance_squared[lane].sqrt() - radius[one] - radius[other];
+                    play = play.min(gap / (other - one) as f32);
+                }
+            }
+        }
+    }
+    play
+}
+
+/// s, s and m/s².
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Durations {
+    pub time_step: f32,
+    pub substep: f32,
+    pub gravity: f32,
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::solver::elements::{Elements, Spring};
+
+    /// A rope of spheres of 0.02 m, 0.1 m apart, through these points.
+    pub fn rope(points: &[Vec3]) -> (Particles, Exclusions) {
+        let (mut particles, mut elements) = (Particles::default(), Elements::default());
+        for (slot, point) in points.iter().enumerate() {
+            particles.push(*point, Vec3::ZERO, 1.0, 0.02);
+            if slot > 0 {
+                let ends = [slot as u32 - 1, slot as u32];
+                elements.push(ends, Spring { rest_length: 0.1, stiffness: 1.0, ..Spring::default() });
+            }
+        }
+        let mut exclusions = Exclusions::default();
+        exclusions.rebuild(&particles, &elements);
+        (particles, exclusions)
+    }
+
+    #[test]
+    fn the_play_is_the_least_gap_for_each_link_between_two() {
+        let straight: Vec<_> = (0..20).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
+        let (particles, exclusions) = rope(&straight);
+        assert!((play(&particles, &exclusions, 0..20) - 0.06).abs() < 1e-6);
+        // Folded in the middle: the ends are 0.08 m apart, and 13 links.
+        let folded: Vec<_> = (0..14)
+            .map(|slot| {
+                Vec3::new(
+                    if slot < 7 { slot } else { 13 - slot } as f32 * 0.1,
+                    if slot < 7 { 0.0 } else { 0.08 },
+                    0.0,
+                )
+            })
+            .collect();
+        let (particles, exclusions) = rope(&folded);
+        assert!((play(&particles, &exclusions, 0..14) - 0.04 / 13.0).abs() < 1e-6);
+    }
+}
