@@ -22,7 +22,8 @@ pub struct Outputs {
     /// The contacts of all substeps, in the order of these.
     pub contacts: Vec<ContactRecord>,
     /// The tension of each spring at the end of the tick, damper included, N; negative where it pushes, 0 where
-    /// it was removed.
+    /// it was removed. Of springs that an implicit scheme advances it is that of the solved equations; of others it
+    /// follows from the positions, whose rounding times the stiffness it may err by.
     pub tensions: Vec<f32>,
     /// The slot of each pinned particle with springs, and the force with which these pull at it at the end of the
     /// tick, N; by slot.
@@ -39,16 +40,20 @@ impl Outputs {
         self.reactions.clear();
     }
 
-    /// Computes the forces, if they are asked for.
-    pub(super) fn end_tick(&mut self, elements: &Elements, particles: &Particles) {
-        if !self.record_forces {
-            return;
-        }
+    /// Computes the forces. `solved` has the tensions of the elements whose equations were solved; of others it has
+    /// nothing, or NaN.
+    pub(super) fn end_tick(&mut self, elements: &Elements, particles: &Particles, solved: &[f64]) {
         let Self { tensions, reactions, forces, .. } = self;
         tensions.resize(elements.len(), 0.0);
         forces.clear();
         forces.resize(particles.len(), DVec3::NAN);
-        let on_element = |element: u32, tension: f64| tensions[element as usize] = tension as f32;
+        let on_element = |element: u32, measured: f64| {
+            let element = element as usize;
+            let solved = solved.get(element).copied().filter(|tension| !tension.is_nan());
+            let tension = solved.unwrap_or(measured);
+            tensions[element] = tension as f32;
+            tension
+        };
         elements.for_each_force(particles, on_element, |slot, force| {
             let sum = &mut forces[slot];
             *sum = if sum.is_nan() { force } else { *sum + force };

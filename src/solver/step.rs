@@ -28,6 +28,8 @@ pub(crate) struct Caches {
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
+    /// Working memory.
+    tensions: Vec<f64>,
     interleaved: Interleaved,
     scratch: Scratch,
     contacts: ContactCaches,
@@ -95,7 +97,10 @@ pub(crate) fn step(
     state.particles.velocity.clear_negligible();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
     outputs.contact_count = caches.contacts.count() + in_implicit_step;
-    outputs.end_tick(&state.elements, &state.particles);
+    if outputs.record_forces {
+        let solved = caches.solved_tensions(plan, state.elements.len());
+        outputs.end_tick(&state.elements, &state.particles, solved);
+    }
 }
 
 impl Caches {
@@ -124,6 +129,16 @@ impl Caches {
     pub fn better_order(&mut self, state: &State) -> Option<Vec<u32>> {
         let islands = self.planner.refresh_islands(&state.elements, &state.particles);
         better_order(&state.elements, &state.particles, &mut self.neighbours, islands)
+    }
+
+    /// The tension of each element that implicit steps have solved for, N; NaN of others.
+    fn solved_tensions(&mut self, plan: Plan, elements: usize) -> &[f64] {
+        self.tensions.clear();
+        if plan.is_implicit() {
+            self.tensions.resize(elements, f64::NAN);
+            self.implicit_euler.read_tensions(&mut self.tensions);
+        }
+        &self.tensions
     }
 
     /// Keeps the strain limits at the end of a substep, when `elapsed` of the tick is done.

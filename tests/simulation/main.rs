@@ -16,6 +16,7 @@ mod disabling;
 mod energy;
 mod far;
 mod flatness;
+mod forces;
 mod implicit_euler;
 mod islands;
 mod lifecycle;

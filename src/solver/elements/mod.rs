@@ -102,11 +102,12 @@ macro_rules! define_elements {
             }
 
             /// Calls `on_element` for each element that acts, with its number and tension in N, and `on_end` for
-            /// each of its ends, with the slot and the force there in N.
+            /// each of its ends, with the slot and the force there in N. The tension that `on_element` returns is
+            /// taken: the rounded positions may be too coarse to tell it.
             pub(super) fn for_each_force(
                 &self,
                 particles: &Particles,
-                mut on_element: impl FnMut(u32, f64),
+                mut on_element: impl FnMut(u32, f64) -> f64,
                 mut on_end: impl FnMut(usize, DVec3),
             ) {
                 let mut first = 0;
@@ -115,8 +116,8 @@ macro_rules! define_elements {
                         let separation = combine(ends, element, &particles.position);
                         let rate = combine(ends, element, &particles.velocity);
                         let tension = Element::tension(element, separation, rate);
+                        let tension = on_element(first + index, tension);
                         let pull = separation.normalize_or_zero() * -tension;
-                        on_element(first + index, tension);
                         for (end, weight) in ends.iter().zip(Element::weights(element)) {
                             on_end(*end as usize, pull * f64::from(weight));
                         }

@@ -94,6 +94,12 @@ impl Clusters {
         }
     }
 
+    /// The islands that were solved together in the last step.
+    pub fn islands(&self) -> impl Iterator<Item = &Island> {
+        let any = !self.pairs.is_empty();
+        self.clusters.iter().filter(move |_| any).map(|cluster| &cluster.island)
+    }
+
     /// Joins the islands of the pairs.
     fn join(&mut self, islands: &[Island], particles: &Particles) {
         let Self { pairs, clusters, key, island_of, .. } = self;

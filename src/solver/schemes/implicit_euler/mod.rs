@@ -131,6 +131,11 @@ impl ImplicitEuler {
         &self.touching
     }
 
+    /// Writes the tension of each element at the end of the last step, N, by its number.
+    pub fn read_tensions(&self, tensions: &mut [f64]) {
+        self.islands.iter().chain(self.clusters.islands()).for_each(|island| island.read_tensions(tensions));
+    }
+
     /// The slots of the particles in islands that it advances.
     pub fn island_slots(&self) -> impl Iterator<Item = usize> {
         self.islands.iter().flat_map(Island::slots)
@@ -198,6 +203,15 @@ impl Island {
         island
     }
 
+    fn read_tensions(&self, tensions: &mut [f64]) {
+        let Self { elimination, system, .. } = self;
+        let compounds = elimination.compounds.iter().map(|compound| &compound.element);
+        let numbers = elimination.elements.iter().chain(compounds);
+        for (place, (number, tension)) in numbers.zip(system.tensions(elimination)).enumerate() {
+            tensions[*number as usize] = self.stages.mean_tension(place, tension);
+        }
+    }
+
     /// Lists the springs to pinned particles.
     fn find_anchors(&mut self) {
         let Self { elimination, anchors, .. } = self;
@@ -254,6 +268,7 @@ impl Island {
         touching: &mut Vec<ContactRecord>,
     ) {
         let Step { elements, field, h, .. } = step;
+        self.stages.clear();
         self.system.begin(&self.elimination, particles, elements, field, h);
         self.solve(particles, step);
         self.balance();

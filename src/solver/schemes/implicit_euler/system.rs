@@ -41,16 +41,20 @@ impl Linearised {
         Self { potential, direction: if length > 0.0 { start / length } else { DVec3::ZERO } }
     }
 
-    /// Its energy at the separation s, J.
-    fn energy(&self, separation: DVec3) -> f64 {
+    /// How much longer than at rest it is at the separation s, m; 0 for a slack cable.
+    fn elongation(&self, separation: DVec3) -> f64 {
         let elongation = separation.length() - self.potential.rest_length;
-        0.5 * self.potential.stiffness * elongation * elongation
+        if self.potential.tension_only { elongation.max(0.0) } else { elongation }
     }
 
-    /// The pull at the separation s, N.
-    fn force(&self, separation: DVec3) -> DVec3 {
-        let elongation = separation.length() - self.potential.rest_length;
-        separation.normalize_or_zero() * (-self.potential.stiffness * elongation)
+    /// Its energy at the separation s, J.
+    fn energy(&self, separation: DVec3) -> f64 {
+        0.5 * self.potential.stiffness * self.elongation(separation).powi(2)
+    }
+
+    /// Its tension at the separation s, N.
+    fn tension(&self, separation: DVec3) -> f64 {
+        self.potential.stiffness * self.elongation(separation)
     }
 
     /// Linearises it at the separation s.
@@ -257,17 +261,30 @@ impl System {
         inertial.chain(pairs).chain(compounds).sum::<f64>() + self.contacts.energy(&self.position)
     }
 
+    /// The tensions of the elements at the present positions, dampers included, N.
+    pub fn tensions(&self, elimination: &Elimination) -> impl Iterator<Item = f64> {
+        let pairs = self.elements.iter().zip(&elimination.ends).map(|(element, &[first, second])| {
+            element.tension(self.position[first as usize] - self.position[second as usize])
+        });
+        let compounds = self.compounds.iter().zip(&self.elements[elimination.elements.len()..]);
+        pairs.chain(compounds.map(|(compound, element)| {
+            element.tension(combine(&compound.nodes, compound.weights, &self.position))
+        }))
+    }
+
     /// The forces of the elements on the nodes at the start of the step, N; dampers have none there.
     pub fn start_pull(&self, elimination: &Elimination) -> Vec<DVec3> {
         let mut pull = vec![DVec3::ZERO; self.start.len()];
         for (element, &[first, second]) in self.elements.iter().zip(&elimination.ends) {
             let [first, second] = [first as usize, second as usize];
-            let force = element.force(self.start[first] - self.start[second]);
+            let separation = self.start[first] - self.start[second];
+            let force = separation.normalize_or_zero() * -element.tension(separation);
             pull[first] += force;
             pull[second] -= force;
         }
         for (compound, element) in self.compounds.iter().zip(&self.elements[elimination.elements.len()..]) {
-            let force = element.force(combine(&compound.nodes, compound.weights, &self.start));
+            let separation = combine(&compound.nodes, compound.weights, &self.start);
+            let force = separation.normalize_or_zero() * -element.tension(separation);
             for (node, weight) in compound.nodes.ends().iter().zip(compound.weights) {
                 pull[*node as usize] += force * weight;
             }
