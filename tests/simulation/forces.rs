@@ -52,7 +52,7 @@ fn forces_are_those_of_the_statics() {
             for (link, tension) in outputs.tensions.iter().enumerate() {
                 let expected = (LOAD + 0.01 * (links - 1 - link) as f32) * GRAVITY;
                 assert!(
-                    (tension / expected - 1.0).abs() < 1e-4,
+                    (tension / expected - 1.0).abs() < tolerance,
                     "{label}, {link}: {tension} of {expected} N"
                 );
             }
