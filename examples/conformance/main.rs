@@ -22,6 +22,7 @@ mod plot;
 mod reference;
 mod sheet;
 mod simulation;
+mod stiff_contacts;
 mod stiff_energy;
 mod strands;
 mod sweep;
@@ -51,10 +52,11 @@ impl Lab {
 
 type Experiment = fn(&mut Lab) -> Result<Section, Box<dyn Error>>;
 
-const EXPERIMENTS: [(&str, Experiment); 9] = [
+const EXPERIMENTS: [(&str, Experiment); 10] = [
     ("orders", orders::run),
     ("energy", energy_drift::run),
     ("stiff-energy", stiff_energy::run),
+    ("stiff-contacts", stiff_contacts::run),
     ("sweep", sweep::run),
     ("chain", chains::run),
     ("heavy-chain", heavy_chain::run),
