@@ -13,7 +13,7 @@ fn crowd(count: usize) -> Solver {
     world((0..count).map(|_| Ball::at(Vec3::ZERO)))
 }
 
-/// As long as they are a crowd, more than six around each, overlaps displace a particle by at most 10 times the sum of
+/// As long as they are a crowd, more than twelve around each, overlaps displace a particle by at most 10 times the sum of
 /// two radii in a second, 2 m/s here; and never does an overlap give a velocity.
 #[test]
 fn coincident_balls_come_apart_at_a_bounded_speed() {

@@ -153,8 +153,7 @@ impl ChainSearch {
             let one = bounds[*key as u32 as usize];
             for key in &keys[place + 1..] {
                 let other = bounds[*key as u32 as usize];
-                // Neither so of NaN.
-                if !(other.least[axis] <= one.most[axis]) {
+                if other.least[axis] > one.most[axis] {
                     break;
                 }
                 tests -= 1;

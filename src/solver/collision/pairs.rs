@@ -197,9 +197,9 @@ const RESTING_CORRECTION: f32 = 0.5;
 /// The overlap that a resting pair in a pile may keep, as a part of its reach.
 const RESTING_OVERLAP: f32 = 0.001;
 
-/// Number of particles that one touches above which it is in a crowd: so many are seldom around it without overlaps.
+/// Number of particles that one touches above which it is in a crowd: no more of its size fit around it without overlaps.
 /// Each would throw it out by all of its overlap.
-const MAX_TOUCHING: u8 = 6;
+const MAX_TOUCHING: u8 = 12;
 
 /// The part of an older overlap that a pair on springs is separated by in each iteration. To separate it
 /// stretches the springs that press it together; whatever is more than undoing its approach in this substep
@@ -234,13 +234,13 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], rec
             continue;
         }
         let mut depth = part * (depth - allowed);
-        let approached = (second.moved() - first.moved()).dot(contact.normal);
         let touching = first.touching.max(second.touching);
+        let approached = || (second.moved() - first.moved()).dot(contact.normal);
         if touching > MAX_TOUCHING && !contact.sprung {
-            depth = depth.min(approached.max(0.0) + recovery * reach / f32::from(touching));
+            depth = depth.min(approached().max(0.0) + recovery * reach / f32::from(touching));
         }
         if contact.sprung {
-            depth = depth.min(approached + SPRUNG_CORRECTION * depth);
+            depth = depth.min(approached() + SPRUNG_CORRECTION * depth);
             if depth <= 0.0 {
                 continue;
             }
