@@ -55,7 +55,7 @@ const SETTLED_ERROR: f32 = 0.02;
 const POSITION_ITERATIONS: usize = 2;
 
 /// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
-/// all overlaps of a particle in one together displace it by at most this part of the sum of two radii in a second
+/// all overlaps of a particle in one together displace it by about this part of the sum of two radii in a second
 /// (1/s). The approach of two in the same substep is undone at once.
 const RECOVERY_RATE: f32 = 10.0;
 
