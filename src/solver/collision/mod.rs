@@ -55,8 +55,8 @@ const SETTLED_ERROR: f32 = 0.02;
 const POSITION_ITERATIONS: usize = 2;
 
 /// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
-/// all overlaps of a particle in one together displace it by about this part of the sum of two radii in a second
-/// (1/s). The approach of two in the same substep is undone at once.
+/// in one, all overlaps of a particle together displace it by about this part of the sum of two radii in a second
+/// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
 const RECOVERY_RATE: f32 = 10.0;
 
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
