@@ -41,4 +41,5 @@ mod stiff_contacts;
 mod strain_limit;
 mod sweeps;
 mod teleports;
+mod trampoline;
 mod turning;

@@ -153,7 +153,9 @@ fn places(pair: &Candidate, start: usize) -> [usize; 2] {
 
 /// Whether their contact is a part of an implicit step.
 fn solved_elsewhere([one, other]: [&Body; 2]) -> bool {
-    let is_solved = |one: &Body, other: &Body| one.implicit && (other.implicit || other.inverse_mass == 0.0);
+    // Of others only the particles of nets that an explicit scheme advances are left.
+    let is_soft = |body: &Body| body.sprung && !body.implicit && body.inverse_mass > 0.0;
+    let is_solved = |one: &Body, other: &Body| one.implicit && !is_soft(other);
     is_solved(one, other) || is_solved(other, one)
 }
 

@@ -28,13 +28,14 @@ pub(in crate::solver) struct StiffPairs {
 
 impl StiffPairs {
     /// Appends to `found` the pairs among the particles in `slots` that have touched on the way from `start` to their
-    /// present positions, and are not in it already.
+    /// present positions, and are not in it already; not those of which neither `is_in_island`.
     pub fn find(
         &mut self,
         slots: impl Iterator<Item = usize>,
         start: &Vectors,
         particles: &Particles,
         (elements, surroundings): (&Elements, Surroundings),
+        is_in_island: impl Fn(u32) -> bool + Sync,
         found: &mut Vec<StiffPair>,
     ) {
         let Self { grid, exclusions, near, entangled } = self;
@@ -42,7 +43,8 @@ impl StiffPairs {
             let (start, end) = (start.get(slot), particles.position.get(slot));
             (slot as u32, start.midpoint(end), particles.radius()[slot] + 0.5 * start.distance(end))
         });
-        grid.find_pairs(spheres, (|_, _| true, |_| false), near);
+        let may_collide = |one, other| is_in_island(one) || is_in_island(other);
+        grid.find_pairs(spheres, (may_collide, |_| false), near);
         if near.is_empty() {
             return;
         }

@@ -77,7 +77,8 @@ impl Elimination {
         wanted.map(|island| Self::of(members.of(island), &[], particles, &mut nodes)).collect()
     }
 
-    /// One for several islands together, for as long as contacts join the particles in the slots `in_core`.
+    /// One for several islands together, for as long as contacts join the particles in the slots `in_core`; some of
+    /// these may be in no island.
     pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>, in_core: &[u32], particles: &Particles) -> Self {
         let mut members = Vec::new();
         for part in parts {
@@ -92,7 +93,7 @@ impl Elimination {
 
     /// The elimination of these elements, with the slots `in_core` in the core; `nodes` is working memory.
     fn of(members: &[Linked], in_core: &[u32], particles: &Particles, nodes: &mut [u32]) -> Self {
-        let mut all: Vec<u32> = members.iter().flat_map(Linked::ends).copied().collect();
+        let mut all: Vec<u32> = members.iter().flat_map(Linked::ends).chain(in_core).copied().collect();
         all.sort_unstable();
         all.dedup();
         let (pinned, free): (Vec<u32>, Vec<u32>) =

@@ -26,6 +26,8 @@ use crate::solver::settings::Field;
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Interleaved {
     glides: Vec<Glide>,
+    /// Number of those of the stiff islands; behind them are those of particles that these have met.
+    own: usize,
 }
 
 /// A straight path at constant velocity.
@@ -59,6 +61,7 @@ impl Interleaved {
     pub fn begin_tick(&mut self, implicit_euler: &ImplicitEuler) {
         self.glides.clear();
         self.glides.extend(implicit_euler.slots().map(|slot| Glide { slot, ..Glide::default() }));
+        self.own = self.glides.len();
     }
 
     /// To be called before the explicit scheme advances the others by a substep: kicks the stiff particles when a
@@ -78,12 +81,19 @@ impl Interleaved {
             self.glides.iter_mut().for_each(|glide| glide.follow_contact(particles, done, left));
             return;
         }
+        self.glides.truncate(self.own);
         for glide in &mut self.glides {
             glide.started = 0;
             glide.start = particles.position.get(glide.slot);
             glide.velocity = particles.velocity.get(glide.slot);
         }
         implicit_euler.advance(elements, particles, field, acceleration, surroundings, Some(pulls), left);
+        let own = &self.glides[..self.own];
+        let added = implicit_euler.visitors().filter(|(slot, _)| own.iter().all(|glide| glide.slot != *slot));
+        let added: Vec<Glide> = added
+            .map(|(slot, [start, velocity])| Glide { slot, start, velocity, ..Glide::default() })
+            .collect();
+        self.glides.extend(added);
         for glide in &mut self.glides {
             let velocity = particles.velocity.get(glide.slot);
             glide.kick = velocity - glide.velocity;

@@ -2,7 +2,10 @@
 //!
 //! Each island is advanced by itself first, so that it moves to the bit as it would alone while it touches none. Where
 //! particles have met on the way, their islands go back to the start of the step and are advanced as one, with
-//! these contacts; and again, if that has brought others together.
+//! these contacts; and again, if that has brought others together. A particle in no island that they meet, a ball on a
+//! trampoline, is advanced with them for this step, whatever scheme advances it otherwise.
+
+use bevy::math::Vec3;
 
 use super::{Island, Step};
 use crate::solver::collision::{ContactRecord, StiffPair, StiffPairs};
@@ -25,6 +28,10 @@ pub(super) struct Clusters {
     key: Vec<[u32; 2]>,
     /// The island of each slot.
     island_of: Vec<u32>,
+    /// The slots of the free particles in no island.
+    lone: Vec<u32>,
+    /// Those of them that may meet an island in this step.
+    visitors: Vec<u32>,
     /// Positions and velocities at the start of the step.
     start: [Vectors; 2],
 }
@@ -33,12 +40,16 @@ pub(super) struct Clusters {
 struct Cluster {
     /// The islands.
     members: Vec<usize>,
+    /// The slots of particles in no island.
+    lone: Vec<u32>,
     island: Island,
 }
 
 impl Clusters {
     /// To be called when the islands are others.
-    pub fn reset(&mut self, islands: &[Island], particles: usize) {
+    pub fn reset(&mut self, islands: &[Island], lone: impl Iterator<Item = u32>, particles: usize) {
+        self.lone.clear();
+        self.lone.extend(lone);
         self.clusters.clear();
         self.key.clear();
         self.island_of.clear();
@@ -50,41 +61,48 @@ impl Clusters {
         }
     }
 
-    /// Keeps the state at the start of a step.
-    pub fn begin(&mut self, particles: &Particles) {
+    /// Keeps the state at the start of a step, if particles collide.
+    pub fn begin(&mut self, particles: &Particles, collide: bool) {
+        self.pairs.clear();
+        self.visitors.clear();
+        if !collide {
+            return;
+        }
         let [position, velocity] = &mut self.start;
         position.copy_from(&particles.position);
         velocity.copy_from(&particles.velocity);
-        self.pairs.clear();
     }
 
-    /// Advances the islands that have touched each other again, until no others do.
+    /// Advances the islands that have touched each other again, until no others do. The lone particles that have been
+    /// advanced already are `advanced`, in order; the others are where they were.
     pub fn advance(
         &mut self,
-        islands: &[Island],
+        (islands, advanced): (&[Island], &[u32]),
         step: Step,
         particles: &mut Particles,
         acceleration: &mut Vectors,
         touching: &mut Vec<ContactRecord>,
         mut pulls: Option<&mut Pulls>,
     ) {
+        self.invite(islands, advanced, step, particles);
         for _ in 0..MAX_ROUNDS {
             let known = self.pairs.len();
-            let slots = islands.iter().flat_map(Island::slots);
-            let read = (step.elements, step.surroundings);
-            self.search.find(slots, &self.start[0], particles, read, &mut self.pairs);
-            if self.pairs.len() == known {
-                return;
+            let Self { search, pairs, island_of, visitors, start, .. } = self;
+            let slots =
+                islands.iter().flat_map(Island::slots).chain(visitors.iter().map(|slot| *slot as usize));
+            let is_in_island = |slot: u32| island_of[slot as usize] != NO_ISLAND;
+            search.find(slots, &start[0], particles, (step.elements, step.surroundings), is_in_island, pairs);
+            if pairs.len() == known {
+                break;
             }
             self.join(islands, particles);
-            for cluster in &mut self.clusters {
-                let Cluster { members, island } = cluster;
-                for slot in members.iter().flat_map(|member| islands[*member].slots()) {
-                    particles.position.set(slot, self.start[0].get(slot));
-                    particles.velocity.set(slot, self.start[1].get(slot));
+            let [position, velocity] = &self.start;
+            for Cluster { island, .. } in &mut self.clusters {
+                for slot in island.slots() {
+                    particles.position.set(slot, position.get(slot));
+                    particles.velocity.set(slot, velocity.get(slot));
                 }
-                let is_member = |slot: usize| members.contains(&(self.island_of[slot] as usize));
-                touching.retain(|record| !is_member(record.slot));
+                touching.retain(|record| island.node_of[record.slot] == u32::MAX);
                 island.exclude_pairs(particles, step.elements);
                 island.advance_backward_euler(step, particles, acceleration, touching);
                 if let Some(pulls) = &mut pulls {
@@ -92,6 +110,58 @@ impl Clusters {
                 }
             }
         }
+        self.dismiss(advanced, particles);
+    }
+
+    /// Finds the lone particles that may meet an island, and puts them where they fly.
+    fn invite(&mut self, islands: &[Island], advanced: &[u32], step: Step, particles: &mut Particles) {
+        let Self { lone, visitors, start: [start, _], .. } = self;
+        visitors.clear();
+        if lone.is_empty() {
+            return;
+        }
+        let (mut least, mut most) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for slot in islands.iter().flat_map(Island::slots).filter(|slot| particles.radius()[*slot] > 0.0) {
+            let (from, to) = (start.get(slot), particles.position.get(slot));
+            least = least.min(from.min(to) - particles.radius()[slot]);
+            most = most.max(from.max(to) + particles.radius()[slot]);
+        }
+        for slot in lone.iter().map(|slot| *slot as usize) {
+            let radius = particles.radius()[slot];
+            let from = start.get(slot);
+            let to = match advanced.binary_search(&(slot as u32)) {
+                Ok(_) => particles.position.get(slot),
+                Err(_) => {
+                    let velocity = particles.free_velocity(slot, step.field, step.h);
+                    (from.as_dvec3() + step.h * velocity).as_vec3()
+                }
+            };
+            let (upper, lower) = (from.max(to) + radius, from.min(to) - radius);
+            if radius > 0.0 && upper.cmpge(least).all() && lower.cmple(most).all() {
+                visitors.push(slot as u32);
+                particles.position.set(slot, to);
+            }
+        }
+    }
+
+    /// Sends the lone particles that have met nothing, and that others advance, back to where they were.
+    fn dismiss(&mut self, advanced: &[u32], particles: &mut Particles) {
+        let Self { visitors, clusters, pairs, start: [start, _], .. } = self;
+        visitors.retain(|slot| {
+            let mut joined = clusters.iter().filter(|_| !pairs.is_empty());
+            let stays = joined.any(|cluster| cluster.lone.contains(slot));
+            if !stays && advanced.binary_search(slot).is_err() {
+                particles.position.set(*slot as usize, start.get(*slot as usize));
+            }
+            stays
+        });
+    }
+
+    /// The lone particles that were advanced with islands in the last step: their slots, and the positions and
+    /// velocities that they had before.
+    pub fn visitors(&self) -> impl Iterator<Item = (usize, [Vec3; 2])> {
+        let slots = self.visitors.iter().map(|slot| *slot as usize);
+        slots.map(|slot| (slot, self.start.each_ref().map(|vectors| vectors.get(slot))))
     }
 
     /// The islands that were solved together in the last step.
@@ -102,34 +172,44 @@ impl Clusters {
 
     /// Joins the islands of the pairs.
     fn join(&mut self, islands: &[Island], particles: &Particles) {
-        let Self { pairs, clusters, key, island_of, .. } = self;
+        let Self { pairs, clusters, key, island_of, visitors, .. } = self;
         let is_same = key.iter().eq(pairs.iter().map(|pair| &pair.slots));
         if !is_same {
             key.clear();
             key.extend(pairs.iter().map(|pair| pair.slots));
             clusters.clear();
-            let mut first: Vec<usize> = (0..islands.len()).collect();
+            // Behind the islands, each visitor is one of its own.
+            let part_of = |slot: u32| match island_of[slot as usize] {
+                NO_ISLAND => islands.len() + visitors.partition_point(|visitor| *visitor < slot),
+                island => island as usize,
+            };
+            let mut first: Vec<usize> = (0..islands.len() + visitors.len()).collect();
             for StiffPair { slots, .. } in &*pairs {
-                let [one, other] = slots.map(|slot| first[island_of[slot as usize] as usize]);
+                let [one, other] = slots.map(|slot| first[part_of(slot)]);
                 let (kept, lost) = (one.min(other), one.max(other));
                 first.iter_mut().filter(|first| **first == lost).for_each(|first| *first = kept);
             }
-            let ends = |pair: &StiffPair| first[island_of[pair.slots[0] as usize] as usize];
-            let mut heads: Vec<usize> = pairs.iter().map(ends).collect();
+            let head = |pair: &StiffPair| first[part_of(pair.slots[0])];
+            let mut heads: Vec<usize> = pairs.iter().map(head).collect();
             heads.sort_unstable();
             heads.dedup();
-            for head in heads {
+            for number in heads {
                 let members: Vec<usize> =
-                    (0..islands.len()).filter(|island| first[*island] == head).collect();
-                let own = pairs.iter().filter(|pair| ends(pair) == head);
+                    (0..islands.len()).filter(|island| first[*island] == number).collect();
+                let own = pairs.iter().filter(|pair| head(pair) == number);
                 let in_core: Vec<u32> = own.flat_map(|pair| pair.slots).collect();
+                let mut lone = in_core.clone();
+                lone.retain(|slot| island_of[*slot as usize] == NO_ISLAND);
                 let parts = members.iter().map(|member| &islands[*member].elimination);
                 let island = Island::new(Elimination::joined(parts, &in_core, particles));
-                clusters.push(Cluster { members, island });
+                clusters.push(Cluster { members, lone, island });
             }
         }
-        for Cluster { members, island } in clusters {
-            let is_own = |pair: &&StiffPair| members.contains(&(island_of[pair.slots[0] as usize] as usize));
+        for Cluster { members, lone, island } in clusters {
+            let is_own = |pair: &&StiffPair| {
+                let slot = pair.slots[0];
+                lone.contains(&slot) || members.contains(&(island_of[slot as usize] as usize))
+            };
             island.set_pairs(pairs.iter().filter(is_own).copied(), particles.len());
         }
     }
@@ -141,6 +221,7 @@ impl Island {
         let Self { elimination, pairs: own, node_of, .. } = self;
         own.clear();
         own.extend(pairs);
+        node_of.clear();
         node_of.resize(particles, u32::MAX);
         for (node, slot) in (0..).zip(&elimination.slots[..elimination.free]) {
             node_of[*slot as usize] = node;

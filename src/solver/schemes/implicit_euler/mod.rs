@@ -110,7 +110,10 @@ impl ImplicitEuler {
         let eliminations = Elimination::of_islands(elements, particles, islands, is_wanted);
         self.islands.clear();
         self.islands.extend(eliminations.into_iter().map(Island::new));
-        self.clusters.reset(&self.islands, particles.len());
+        let is_lone =
+            |slot: &u32| islands.of(*slot as usize).is_none() && !particles.is_pinned(*slot as usize);
+        let lone = (0..particles.len() as u32).filter(is_lone);
+        self.clusters.reset(&self.islands, lone, particles.len());
         self.sprung = sprung_pinned(elements, particles);
         let is_other = |slot: &u32| {
             let slot = *slot as usize;
@@ -129,6 +132,12 @@ impl ImplicitEuler {
     /// The contacts of the last step.
     pub fn touching(&self) -> &[ContactRecord] {
         &self.touching
+    }
+
+    /// The particles in no island that were advanced with those that they met in the last step, with their positions
+    /// and velocities before.
+    pub fn visitors(&self) -> impl Iterator<Item = (usize, [Vec3; 2])> {
+        self.clusters.visitors()
     }
 
     /// Writes the tension of each element at the end of the last step, N, by its number.
@@ -155,13 +164,11 @@ impl ImplicitEuler {
     ) {
         let h = f64::from(substep);
         self.obstacles.gather(particles, surroundings, h);
-        let Self { islands, obstacles, clusters, sprung, touching, .. } = self;
+        let Self { islands, others, obstacles, clusters, sprung, touching, .. } = self;
         touching.clear();
         let step = Step { elements, field, h, obstacles, sprung, surroundings };
         let particles_collide = surroundings.settings.pair_rules.is_some();
-        if particles_collide {
-            clusters.begin(particles);
-        }
+        clusters.begin(particles, particles_collide);
         for island in &mut *islands {
             island.exclude_pairs(particles, elements);
             let is_second_order = match &pulls {
@@ -175,15 +182,12 @@ impl ImplicitEuler {
                 island.keep_pulls(particles, pulls);
             }
         }
-        if particles_collide {
-            clusters.advance(islands, step, particles, acceleration, touching, pulls.as_deref_mut());
-        }
-        for slot in self.others.iter().map(|slot| *slot as usize) {
+        for slot in others.iter().map(|slot| *slot as usize) {
             if particles.is_pinned(slot) {
                 acceleration.set(slot, Vec3::ZERO);
                 continue;
             }
-            let motion = match pulls {
+            let motion = match &pulls {
                 Some(_) => particles.free_motion(slot, field, h),
                 None => {
                     let velocity = particles.free_velocity(slot, field, h);
@@ -191,6 +195,10 @@ impl ImplicitEuler {
                 }
             };
             write(particles, acceleration, slot, motion, h);
+        }
+        if particles_collide {
+            let parts = (&islands[..], &others[..]);
+            clusters.advance(parts, step, particles, acceleration, touching, pulls);
         }
     }
 }
