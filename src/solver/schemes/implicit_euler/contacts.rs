@@ -101,7 +101,7 @@ impl PairFilter<'_> {
         let memory = self.memory;
         let is_new = || !(memory.has_searched(slot) && memory.has_searched(pinned));
         let tangled = || memory.are_entangled(slot, pinned) || (is_new() && self.sprung.contains(&pinned));
-        !self.excluded.contains(&(node as u32, pinned)) && !(overlap && tangled())
+        !(self.excluded.contains(&(node as u32, pinned)) || overlap && tangled())
     }
 }
 
