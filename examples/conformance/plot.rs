@@ -15,7 +15,7 @@ const SIZE: (u32, u32) = (860, 480);
 const LEGEND: u32 = 175;
 
 /// Distinguishable with most kinds of colour blindness, too (Okabe and Ito, 2008).
-const COLOURS: [RGBColor; 9] = [
+const COLOURS: [RGBColor; 10] = [
     RGBColor(230, 159, 0),
     RGBColor(0, 114, 178),
     RGBColor(86, 180, 233),
@@ -25,6 +25,7 @@ const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 0, 0),
     RGBColor(150, 150, 0),
     RGBColor(150, 150, 150),
+    RGBColor(148, 103, 189),
 ];
 
 /// One axis.

@@ -14,11 +14,12 @@
 //! 2. **Velocity.** What still parts the ends of a spring at its limit is removed, inelastically. (RATTLE: Andersen,
 //!    *J. Comput. Phys.* 52, 24, 1983; with inequalities.) It never adds energy.
 //! 3. **Excess.** What was too long before the substep already (a limit was lowered, an end was moved) is drawn
-//!    together without a velocity.
+//!    together without a velocity. Should the iterations end before that, in groups without loops each particle is
+//!    put to the limit from the one before it, outwards: then the limit holds whatever happens.
 //!
 //! Each is a complementarity problem, an impulse >= 0 for each spring. Groups without loops (ropes, nets of branches)
-//! with one anchor at most are solved directly (`tree.rs`), however heavy what hangs on them; others by successive over-relaxation in the order
-//! outwards from what is pinned, and back.
+//! with one anchor at most are solved directly (`tree.rs`), however heavy what hangs on them; others by successive
+//! over-relaxation in the order outwards from what is pinned, and back.
 
 mod problem;
 mod tree;
@@ -189,6 +190,13 @@ fn remove_excess(problem: &mut Problem, position: &mut Vec<DVec3>, before: &mut 
         if problem.solve_positions(position) {
             return;
         }
+    }
+    if !problem.has_loops() {
+        for link in &problem.links {
+            let [outer, inner] = link.nodes.map(|node| position[node]);
+            position[link.nodes[0]] = inner + (outer - inner).clamp_length_max(link.limit);
+        }
+        return;
     }
     if problem.worst_length(position) > MAX_EXCESS_LEFT * excess {
         position.clone_from(before);

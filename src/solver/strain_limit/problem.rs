@@ -90,6 +90,11 @@ impl Problem {
         self.tree.resize(group.free, group.links.len());
     }
 
+    /// Whether the limits close a loop; if not, the links go outwards from the root.
+    pub fn has_loops(&self) -> bool {
+        self.has_loops
+    }
+
     /// What the impulses of the last problem have changed of a node.
     pub fn change(&self, node: usize) -> DVec3 {
         self.change[node]
