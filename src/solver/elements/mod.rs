@@ -211,6 +211,21 @@ macro_rules! define_elements {
                 any
             }
 
+            /// Whether the parameters of an element change in this tick. To be called between `begin_ramps` and
+            /// `end_ramps`.
+            pub(super) fn is_on_ramp(&self, number: u32) -> bool {
+                let mut number = number as usize;
+                $($(#[$meta])* {
+                    if number < self.$kind.len() {
+                        let ramps = self.$kind.ramps();
+                        return ramps.binary_search_by_key(&(number as u32), |ramp| ramp.index).is_ok();
+                    }
+                    number -= self.$kind.len();
+                })*
+                let _ = number;
+                false
+            }
+
             /// Gives the elements on ramps the parameters that they have when `share` of the tick is done. No
             /// cache takes note: each knows what it must.
             pub(super) fn ramp_to(&mut self, share: f32) {

@@ -22,6 +22,7 @@ mod conjugate_gradient;
 mod contact;
 mod contacts;
 mod core;
+mod island;
 mod newton;
 mod preconditioner;
 mod system;
@@ -31,7 +32,7 @@ use bevy::math::{DVec3, Vec3};
 
 use crate::solver::collision::{ContactRecord, Obstacles, StiffPair, Surroundings};
 use crate::solver::elements::Elements;
-use crate::solver::graph::{Elimination, IslandSet, Islands, overlap_at_rest, sprung_pinned};
+use crate::solver::graph::{Elimination, IslandSet, Islands, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
@@ -172,7 +173,10 @@ impl ImplicitEuler {
         for island in &mut *islands {
             island.exclude_pairs(particles, elements);
             let is_second_order = match &pulls {
-                Some(pulls) => island.advance_tr_bdf2(step, particles, acceleration, pulls),
+                Some(pulls) if !island.is_on_ramp(elements) => {
+                    island.advance_tr_bdf2(step, particles, acceleration, pulls)
+                }
+                Some(_) => false,
                 None => false,
             };
             if !is_second_order {
@@ -204,42 +208,6 @@ impl ImplicitEuler {
 }
 
 impl Island {
-    fn new(elimination: Elimination) -> Self {
-        let mut island = Self { elimination, ..Self::default() };
-        island.system.resize(&island.elimination);
-        island.find_anchors();
-        island
-    }
-
-    fn read_tensions(&self, tensions: &mut [f64]) {
-        let Self { elimination, system, .. } = self;
-        let compounds = elimination.compounds.iter().map(|compound| &compound.element);
-        let numbers = elimination.elements.iter().chain(compounds);
-        for (place, (number, tension)) in numbers.zip(system.tensions(elimination)).enumerate() {
-            tensions[*number as usize] = self.stages.mean_tension(place, tension);
-        }
-    }
-
-    /// Lists the springs to pinned particles.
-    fn find_anchors(&mut self) {
-        let Self { elimination, anchors, .. } = self;
-        let ends = elimination.ends.iter().zip(&elimination.elements);
-        let anchored = ends.filter(|([_, other], _)| *other as usize >= elimination.free);
-        anchors
-            .extend(anchored.map(|(ends, element)| (ends[0], elimination.slots[ends[1] as usize], *element)));
-    }
-
-    /// Lists the pairs that do not collide, since they overlap at rest.
-    fn exclude_pairs(&mut self, particles: &Particles, elements: &Elements) {
-        let Self { elimination, anchors, excluded, .. } = self;
-        let radius = particles.radius();
-        excluded.clear();
-        excluded.extend(anchors.iter().filter_map(|&(node, pinned, element)| {
-            let reach = radius[elimination.slots[node as usize] as usize] + radius[pinned as usize];
-            overlap_at_rest(elements.coefficients(element).1, reach).then_some((node, pinned))
-        }));
-    }
-
     /// Solves the equations of the step, which the system has begun.
     fn solve(&mut self, particles: &Particles, step: Step) {
         let Step { obstacles, sprung, surroundings: Surroundings { memory, settings, .. }, h, .. } = step;
@@ -322,19 +290,6 @@ impl Island {
         }
         stages.finish(system, context, particles, acceleration);
         true
-    }
-
-    /// Keeps the accelerations by elements, (m/h² + ν/h) (x' − y) / m, as the solution has them, and what it touches.
-    fn keep_pulls(&self, particles: &Particles, pulls: &mut Pulls) {
-        let Self { elimination, system, .. } = self;
-        for (node, slot) in elimination.slots[..elimination.free].iter().enumerate() {
-            let slot = *slot as usize;
-            let force = system.inertia[node] * (system.position[node] - system.flight[node]);
-            pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
-        }
-        for node in system.contacts.held_nodes() {
-            pulls.touch(elimination.slots[node] as usize);
-        }
     }
 
     /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
