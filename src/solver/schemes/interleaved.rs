@@ -89,7 +89,8 @@ impl Interleaved {
         }
         implicit_euler.advance(elements, particles, field, acceleration, surroundings, Some(pulls), left);
         let own = &self.glides[..self.own];
-        let added = implicit_euler.visitors().filter(|(slot, _)| own.iter().all(|glide| glide.slot != *slot));
+        let added =
+            implicit_euler.lone_advanced().filter(|(slot, _)| own.iter().all(|glide| glide.slot != *slot));
         let added: Vec<Glide> = added
             .map(|(slot, [start, velocity])| Glide { slot, start, velocity, ..Glide::default() })
             .collect();

@@ -31,7 +31,7 @@ pub(super) struct Clusters {
     /// The slots of the free particles in no island.
     lone: Vec<u32>,
     /// Those of them that may meet an island in this step.
-    visitors: Vec<u32>,
+    nearby: Vec<u32>,
     /// Positions and velocities at the start of the step.
     start: [Vectors; 2],
 }
@@ -64,7 +64,7 @@ impl Clusters {
     /// Keeps the state at the start of a step, if particles collide.
     pub fn begin(&mut self, particles: &Particles, collide: bool) {
         self.pairs.clear();
-        self.visitors.clear();
+        self.nearby.clear();
         if !collide {
             return;
         }
@@ -84,12 +84,12 @@ impl Clusters {
         touching: &mut Vec<ContactRecord>,
         mut pulls: Option<&mut Pulls>,
     ) {
-        self.invite(islands, advanced, step, particles);
+        self.find_nearby(islands, advanced, step, particles);
         for _ in 0..MAX_ROUNDS {
             let known = self.pairs.len();
-            let Self { search, pairs, island_of, visitors, start, .. } = self;
+            let Self { search, pairs, island_of, nearby, start, .. } = self;
             let slots =
-                islands.iter().flat_map(Island::slots).chain(visitors.iter().map(|slot| *slot as usize));
+                islands.iter().flat_map(Island::slots).chain(nearby.iter().map(|slot| *slot as usize));
             let is_in_island = |slot: u32| island_of[slot as usize] != NO_ISLAND;
             search.find(slots, &start[0], particles, (step.elements, step.surroundings), is_in_island, pairs);
             if pairs.len() == known {
@@ -110,13 +110,13 @@ impl Clusters {
                 }
             }
         }
-        self.dismiss(advanced, particles);
+        self.put_back(advanced, particles);
     }
 
     /// Finds the lone particles that may meet an island, and puts them where they fly.
-    fn invite(&mut self, islands: &[Island], advanced: &[u32], step: Step, particles: &mut Particles) {
-        let Self { lone, visitors, start: [start, _], .. } = self;
-        visitors.clear();
+    fn find_nearby(&mut self, islands: &[Island], advanced: &[u32], step: Step, particles: &mut Particles) {
+        let Self { lone, nearby, start: [start, _], .. } = self;
+        nearby.clear();
         if lone.is_empty() {
             return;
         }
@@ -138,16 +138,16 @@ impl Clusters {
             };
             let (upper, lower) = (from.max(to) + radius, from.min(to) - radius);
             if radius > 0.0 && upper.cmpge(least).all() && lower.cmple(most).all() {
-                visitors.push(slot as u32);
+                nearby.push(slot as u32);
                 particles.position.set(slot, to);
             }
         }
     }
 
-    /// Sends the lone particles that have met nothing, and that others advance, back to where they were.
-    fn dismiss(&mut self, advanced: &[u32], particles: &mut Particles) {
-        let Self { visitors, clusters, pairs, start: [start, _], .. } = self;
-        visitors.retain(|slot| {
+    /// Puts the lone particles that have touched nothing, and that another scheme advances, back to where they were.
+    fn put_back(&mut self, advanced: &[u32], particles: &mut Particles) {
+        let Self { nearby, clusters, pairs, start: [start, _], .. } = self;
+        nearby.retain(|slot| {
             let mut joined = clusters.iter().filter(|_| !pairs.is_empty());
             let stays = joined.any(|cluster| cluster.lone.contains(slot));
             if !stays && advanced.binary_search(slot).is_err() {
@@ -159,8 +159,8 @@ impl Clusters {
 
     /// The lone particles that were advanced with islands in the last step: their slots, and the positions and
     /// velocities that they had before.
-    pub fn visitors(&self) -> impl Iterator<Item = (usize, [Vec3; 2])> {
-        let slots = self.visitors.iter().map(|slot| *slot as usize);
+    pub fn lone_advanced(&self) -> impl Iterator<Item = (usize, [Vec3; 2])> {
+        let slots = self.nearby.iter().map(|slot| *slot as usize);
         slots.map(|slot| (slot, self.start.each_ref().map(|vectors| vectors.get(slot))))
     }
 
@@ -172,18 +172,18 @@ impl Clusters {
 
     /// Joins the islands of the pairs.
     fn join(&mut self, islands: &[Island], particles: &Particles) {
-        let Self { pairs, clusters, key, island_of, visitors, .. } = self;
+        let Self { pairs, clusters, key, island_of, nearby, .. } = self;
         let is_same = key.iter().eq(pairs.iter().map(|pair| &pair.slots));
         if !is_same {
             key.clear();
             key.extend(pairs.iter().map(|pair| pair.slots));
             clusters.clear();
-            // Behind the islands, each visitor is one of its own.
+            // Behind the islands, each lone particle is a part of its own.
             let part_of = |slot: u32| match island_of[slot as usize] {
-                NO_ISLAND => islands.len() + visitors.partition_point(|visitor| *visitor < slot),
+                NO_ISLAND => islands.len() + nearby.partition_point(|particle| *particle < slot),
                 island => island as usize,
             };
-            let mut first: Vec<usize> = (0..islands.len() + visitors.len()).collect();
+            let mut first: Vec<usize> = (0..islands.len() + nearby.len()).collect();
             for StiffPair { slots, .. } in &*pairs {
                 let [one, other] = slots.map(|slot| first[part_of(slot)]);
                 let (kept, lost) = (one.min(other), one.max(other));

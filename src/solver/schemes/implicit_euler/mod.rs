@@ -137,8 +137,8 @@ impl ImplicitEuler {
 
     /// The particles in no island that were advanced with those that they met in the last step, with their positions
     /// and velocities before.
-    pub fn visitors(&self) -> impl Iterator<Item = (usize, [Vec3; 2])> {
-        self.clusters.visitors()
+    pub fn lone_advanced(&self) -> impl Iterator<Item = (usize, [Vec3; 2])> {
+        self.clusters.lone_advanced()
     }
 
     /// Writes the tension of each element at the end of the last step, N, by its number.
