@@ -1,14 +1,14 @@
-//! Contacts with what nothing in the step can move, as a part of the potential of the step.
+//! Contacts as a part of the potential of the step: with obstacles, which nothing in the step can move, and between
+//! particles of the island.
 //!
-//! A particle that would enter an obstacle meets an energy ½ K (a − g)², where g < a is its gap at the end of the
+//! A particle that would enter an obstacle, or another particle, meets an energy ½ K (a − g)², where g < a is its gap at the end of the
 //! step, and a <= 0 an overlap that it has had from the start: the active set of a quadratic penalty, which
 //! Newton's method finds like every other minimum (a semi-smooth Newton method: Hintermüller, Ito and Kunisch,
 //! *SIAM J. Optim.* 13, 865, 2002). K begins at [`STIFFENING`] times the inertia of the particle, and grows until
 //! nothing enters an obstacle by more than [`SOFTNESS`] of the longest way of the step: a continuation, as the active
 //! set is found in fewer steps from a softer one; and each solution adds the force of the one before, so that little
-//! depth is left (the augmented Lagrangian: Hestenes, *J. Optim. Theory Appl.* 4, 303, 1969). The other particles of the island know of the contact within the
-//! same step, so that no spring is compressed by it.
-//! A barrier (Li et al., *Incremental potential contact*, 2020) would have to be resolved by many more Newton
+//! depth is left (the augmented Lagrangian: Hestenes, *J. Optim. Theory Appl.* 4, 303, 1969). The other particles of
+//! the island know of the contact within the same step, so that no spring is compressed by it. A barrier (Li et al., *Incremental potential contact*, 2020) would have to be resolved by many more Newton
 //! steps, and would push from a distance.
 //!
 //! Coulomb friction is lagged (Li et al., 2020, section 5): the step is solved, then again with a potential μ N φ(‖u‖)
@@ -270,7 +270,7 @@ impl Contacts {
         }
         let mut rubs = false;
         let mut deepest = 0.0_f64;
-        for contact in self.contacts.iter_mut().filter(|contact| contact.force > 0.0) {
+        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
             rubs |= contact.friction > 0.0;
             deepest = deepest.max(contact.depth.abs());
         }

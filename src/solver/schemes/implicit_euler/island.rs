@@ -8,6 +8,7 @@ use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
 
 impl Island {
+    /// One with these unknowns.
     pub fn new(elimination: Elimination) -> Self {
         let mut island = Self { elimination, ..Self::default() };
         island.system.resize(&island.elimination);
@@ -15,14 +16,15 @@ impl Island {
         island
     }
 
-    /// Whether the parameters of one of its elements change in this tick. Its stages would want them at times in between,
-    /// so it takes steps of backward Euler.
+    /// Whether the parameters of one of its elements change in this tick. The stages of TR-BDF2 would need them at times
+    /// in between, so that it takes steps of backward Euler.
     pub fn is_on_ramp(&self, elements: &Elements) -> bool {
         let Elimination { elements: pairs, compounds, .. } = &self.elimination;
-        let numbers = pairs.iter().copied().chain(compounds.iter().map(|compound| compound.element));
-        elements.any_ramps() && { numbers }.any(|number| elements.is_on_ramp(number))
+        let mut numbers = pairs.iter().copied().chain(compounds.iter().map(|compound| compound.element));
+        elements.any_ramps() && numbers.any(|number| elements.is_on_ramp(number))
     }
 
+    /// Writes the tension of each of its elements in the last step, N, by the number of the element.
     pub fn read_tensions(&self, tensions: &mut [f64]) {
         let Self { elimination, system, .. } = self;
         let compounds = elimination.compounds.iter().map(|compound| &compound.element);
