@@ -63,6 +63,28 @@ pub(super) struct Sums<'a> {
 }
 
 impl Contact {
+    /// One that holds nothing yet, at a gap of 0.
+    pub fn new(node: usize, partner: Partner) -> Self {
+        Self {
+            node,
+            partner,
+            radius: 0.0,
+            inertia: 0.0,
+            allowed: 0.0,
+            origin: DVec3::ZERO,
+            approach: 0.0,
+            normal: DVec3::ZERO,
+            force: 0.0,
+            depth: 0.0,
+            multiplier: 0.0,
+            lagged: 0.0,
+            rebound: 0.0,
+            rubbing: DVec3::ZERO,
+            restitution: 0.0,
+            friction: 0.0,
+        }
+    }
+
     /// The gap at these positions, m, and the direction towards the particle.
     fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
         match self.partner {

@@ -146,22 +146,15 @@ impl Contacts {
                 let approach = (surface_way - (flight[node] - start[node])).dot(normal) / h;
                 let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
                 self.contacts.push(Contact {
-                    node,
-                    partner: Partner::Obstacle(*obstacle),
                     radius,
                     inertia: inertia[node],
                     allowed,
                     origin: start[node] + surface_way,
                     approach,
                     normal,
-                    force: 0.0,
-                    lagged: 0.0,
-                    rebound: 0.0,
-                    depth: 0.0,
-                    multiplier: 0.0,
-                    rubbing: DVec3::ZERO,
                     restitution: obstacle.restitution,
                     friction: obstacle.friction,
+                    ..Contact::new(node, Partner::Obstacle(*obstacle))
                 });
             });
         }
@@ -176,23 +169,17 @@ impl Contacts {
             let reach = radius + other_radius;
             let apart = start[node] - start[other];
             let approach = (apart - (flight[node] - flight[other])).dot(*normal) / h;
+            let partner = Partner::Node { node: other, normal: *normal, reach };
             self.contacts.push(Contact {
-                node,
-                partner: Partner::Node { node: other, normal: *normal, reach },
                 radius,
                 inertia: 1.0 / (1.0 / inertia[node] + 1.0 / inertia[other]),
                 allowed: (apart.dot(*normal) - reach + RECOVERY_SPEED * h).min(0.0),
                 origin: apart,
                 approach,
                 normal: *normal,
-                force: 0.0,
-                lagged: 0.0,
-                rebound: 0.0,
-                depth: 0.0,
-                multiplier: 0.0,
-                rubbing: DVec3::ZERO,
                 restitution: f64::from(rules.restitution),
                 friction: f64::from(rules.friction),
+                ..Contact::new(node, partner)
             });
         }
     }
