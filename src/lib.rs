@@ -41,6 +41,7 @@ pub mod environment;
 pub mod gizmos;
 #[cfg(feature = "interpolation")]
 mod interpolation;
+pub mod nets;
 #[cfg(feature = "panel")]
 pub mod panel;
 pub mod parameter;
@@ -76,6 +77,7 @@ pub mod prelude {
     pub use crate::environment::Environment;
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
+    pub use crate::nets::ParticleNet;
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
     pub use crate::particle::{

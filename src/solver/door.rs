@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 
 use crate::solver::collision::Plane;
-use crate::solver::elements::Spring;
+use crate::solver::elements::{Bend, Elements, Holds, Spring};
 use crate::solver::energy::{Measurements, measure};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::PinnedMotion;
@@ -37,16 +37,16 @@ pub enum SolverError {
         /// What would have been accepted.
         expected: &'static str,
     },
-    /// A spring to a particle that does not exist.
-    #[error("an end of the spring is particle {particle}, expected less than {count}")]
+    /// A spring or bend to a particle that does not exist.
+    #[error("an end is particle {particle}, expected less than {count}")]
     MissingParticle {
         /// The number that was given.
         particle: usize,
         /// The number of particles.
         count: usize,
     },
-    /// A spring from a particle to itself.
-    #[error("both ends of the spring are particle {particle}")]
+    /// A spring or bend two ends of which are one particle.
+    #[error("two ends are particle {particle}")]
     Loop {
         /// The particle.
         particle: usize,
@@ -92,6 +92,40 @@ impl Solver {
             return Err(SolverError::Loop { particle: ends[0] });
         }
         Ok(self.state.add_spring(ends, spring))
+    }
+
+    /// Adds a bend of three particles, as along a rod. Returns its number among those.
+    ///
+    /// # Errors
+    /// If an end does not exist, two are the same, a parameter is not finite and >= 0, or the weights do not add up
+    /// to 0.
+    pub fn add_rod(&mut self, ends: [usize; 3], bend: Bend<3>) -> Result<usize, SolverError> {
+        self.add_bend(ends, bend)
+    }
+
+    /// Adds a bend of four particles, as about the hinge of two triangles. Returns its number among those.
+    ///
+    /// # Errors
+    /// As [`add_rod`](Self::add_rod).
+    pub fn add_hinge(&mut self, ends: [usize; 4], bend: Bend<4>) -> Result<usize, SolverError> {
+        self.add_bend(ends, bend)
+    }
+
+    fn add_bend<const N: usize>(&mut self, ends: [usize; N], bend: Bend<N>) -> Result<usize, SolverError>
+    where
+        Elements: Holds<Bend<N>, N>,
+    {
+        check_bend(&bend)?;
+        let count = self.particle_count();
+        if let Some(&particle) = ends.iter().find(|end| **end >= count) {
+            return Err(SolverError::MissingParticle { particle, count });
+        }
+        for (index, &particle) in ends.iter().enumerate() {
+            if ends[..index].contains(&particle) {
+                return Err(SolverError::Loop { particle });
+            }
+        }
+        Ok(self.state.add_bend(ends, bend))
     }
 
     /// Changes the parameters of a spring. In the next tick rest length, stiffness and damping go there in equal
@@ -284,4 +318,17 @@ fn check(spring: Spring) -> Result<(), SolverError> {
     non_negative("stiffness", spring.stiffness)?;
     non_negative("damping", spring.damping)?;
     spring.max_stretch.map_or(Ok(()), |limit| non_negative("max_stretch", limit))
+}
+
+/// Weights of up to four ends, each rounded to a part in 2^24 of the largest.
+fn check_bend<const N: usize>(bend: &Bend<N>) -> Result<(), SolverError> {
+    non_negative("rest_length", bend.rest_length)?;
+    non_negative("stiffness", bend.stiffness)?;
+    non_negative("damping", bend.damping)?;
+    let sum: f32 = bend.weights.iter().sum();
+    let largest = bend.weights.iter().fold(0.0_f32, |largest, weight| largest.max(weight.abs()));
+    match sum.abs() <= 1e-6 * largest {
+        true => Ok(()),
+        false => Err(SolverError::OutOfRange { field: "sum of weights", value: sum, expected: "0" }),
+    }
 }

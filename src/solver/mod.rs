@@ -51,7 +51,7 @@ mod strain_limit;
 
 pub use collision::{ContactPartner, ContactRecord, Plane, Pose};
 pub use door::{Solver, SolverError};
-pub use elements::Spring;
+pub use elements::{Bend, Spring};
 pub use energy::Measurements;
 pub(crate) use energy::measure;
 pub use outputs::Outputs;

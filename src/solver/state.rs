@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bevy::math::Vec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Elements, Spring};
+use crate::solver::elements::{Bend, Elements, Holds, Spring};
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
 
@@ -153,6 +153,15 @@ impl State {
         ends.into_iter().for_each(|end| self.pulls.forget(end));
         self.may_coincide = true;
         self.elements.push(ends.map(|end| end as u32), spring)
+    }
+
+    /// Appends a bend; its index among those of as many ends.
+    pub(crate) fn add_bend<const N: usize>(&mut self, ends: [usize; N], bend: Bend<N>) -> usize
+    where
+        Elements: Holds<Bend<N>, N>,
+    {
+        ends.into_iter().for_each(|end| self.pulls.forget(end));
+        self.elements.push(ends.map(|end| end as u32), bend)
     }
 
     /// Removes a spring; its place stays empty.

@@ -1,4 +1,4 @@
-//! The bend: N ends, energy ½ k ‖Σ cᵢ xᵢ‖². A kind for tests only, which shows what the contract carries.
+//! The bend: N ends, energy ½ k (‖Σ cᵢ xᵢ‖ − r)².
 //!
 //! Three ends with c = (1, −2, 1) resist the bending of a rod, four those of the hinge between two triangles
 //! (Bergou et al., *A quadratic bending model for inextensible surfaces*, 2006).
@@ -7,27 +7,39 @@ use bevy::math::{DVec3, Vec3};
 
 use super::{Element, Potential, Rates};
 
-/// The parameters of a bend.
+/// The parameters of a bend; those of the default are zero: it exerts no force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub(in crate::solver) struct Bend<const N: usize> {
-    /// Stiffness k, N/m.
+pub struct Bend<const N: usize> {
+    /// The norm r of the separation without force, m, >= 0: 0 for what is straight or flat at rest.
+    pub rest_length: f32,
+    /// Stiffness k, N/m, >= 0.
     pub stiffness: f32,
-    /// Damping along the separation, N·s/m.
+    /// Damping along the separation, N·s/m, >= 0.
     pub damping: f32,
-    /// The weights, which add up to 0.
-    #[cfg_attr(feature = "serialize", serde(skip, default = "no_weights"))]
+    /// The weights cᵢ, which add up to 0.
+    #[cfg_attr(feature = "serialize", serde(with = "weights"))]
     pub weights: [f32; N],
 }
 
+/// Arrays of any length, which serde itself knows up to a fixed one only.
 #[cfg(feature = "serialize")]
-fn no_weights<const N: usize>() -> [f32; N] {
-    [0.0; N]
+mod weights {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+    pub fn serialize<S: Serializer, const N: usize>(weights: &[f32; N], to: S) -> Result<S::Ok, S::Error> {
+        weights.as_slice().serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[f32; N], D::Error> {
+        let weights = Vec::<f32>::deserialize(from)?;
+        weights.try_into().map_err(|_| D::Error::custom("a bend has another number of weights"))
+    }
 }
 
 impl<const N: usize> Default for Bend<N> {
     fn default() -> Self {
-        Self { stiffness: 0.0, damping: 0.0, weights: [0.0; N] }
+        Self { rest_length: 0.0, stiffness: 0.0, damping: 0.0, weights: [0.0; N] }
     }
 }
 
@@ -38,18 +50,23 @@ impl<const N: usize> Element<N> for Bend<N> {
 
     fn pull(&self, separation: Vec3, rate: Vec3) -> Vec3 {
         let squared = separation.length_squared();
-        let along = if squared > 0.0 { rate.dot(separation) / squared } else { 0.0 };
-        separation * -(self.stiffness + self.damping * along)
+        let inverse = if squared > 0.0 { 1.0 / squared } else { 0.0 };
+        let beyond = 1.0 - self.rest_length * inverse.sqrt();
+        separation * -(self.stiffness * beyond + self.damping * rate.dot(separation) * inverse)
     }
 
     fn energy(&self, separation: DVec3) -> f64 {
-        0.5 * f64::from(self.stiffness) * separation.length_squared()
+        let beyond = separation.length() - f64::from(self.rest_length);
+        0.5 * f64::from(self.stiffness) * beyond * beyond
     }
 
     fn potential(&self, start: DVec3, step: f64) -> Potential {
         let (stiffness, damping_rate) = (f64::from(self.stiffness), f64::from(self.damping) / step);
-        let sum = stiffness + damping_rate;
-        let rest_length = if damping_rate > 0.0 { damping_rate * start.length() / sum } else { 0.0 };
+        let (sum, rest_length) = (stiffness + damping_rate, f64::from(self.rest_length));
+        let rest_length = match damping_rate > 0.0 {
+            true => (stiffness * rest_length + damping_rate * start.length()) / sum,
+            false => rest_length,
+        };
         Potential { stiffness: sum, rest_length, tension_only: false }
     }
 
@@ -58,7 +75,7 @@ impl<const N: usize> Element<N> for Bend<N> {
     }
 
     fn rest_length(&self) -> f64 {
-        0.0
+        self.rest_length.into()
     }
 }
 
@@ -159,7 +176,8 @@ mod tests {
             // The dampers of these go by ‖s‖, which is not linear where s passes through zero.
             let goes_by_length = integrator.is_implicit() || integrator == Integrator::Xpbd;
             let damping = if goes_by_length { 0.0 } else { DAMPING };
-            let bend = Bend { stiffness: STIFFNESS as f32, damping: damping as f32, weights };
+            let bend =
+                Bend { rest_length: 0.0, stiffness: STIFFNESS as f32, damping: damping as f32, weights };
             state.elements.push(ends, bend);
             let rates = [STIFFNESS * mobility, damping * mobility];
             let mut expected = mode(&state, &weights);
@@ -210,7 +228,7 @@ mod tests {
             );
         }
         for link in 0..10 {
-            let bend = Bend { stiffness: 1.0, damping: 0.05, weights: [1.0, -2.0, 1.0] };
+            let bend = Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.05, weights: [1.0, -2.0, 1.0] };
             state.elements.push([link, link + 1, link + 2], bend);
         }
         state
@@ -283,7 +301,7 @@ mod tests {
     #[test]
     fn the_frequency_bound_of_one_bend_is_exact() {
         let (mut state, mobility) = bent([1.0, -2.0, 1.0], [3.0, 8.0, 4.0]);
-        let bend = Bend { stiffness: 50.0, damping: 1.5, weights: [1.0, -2.0, 1.0] };
+        let bend = Bend { rest_length: 0.0, stiffness: 50.0, damping: 1.5, weights: [1.0, -2.0, 1.0] };
         state.elements.push([0, 1, 2], bend);
         let bounds = Caches::default().frequency_bounds(&state, 0.0);
         assert!((bounds.angular_frequency.powi(2) / (50.0 * mobility) - 1.0).abs() < 1e-6);

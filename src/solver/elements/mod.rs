@@ -7,7 +7,6 @@
 //!
 //! A new kind is one file, and one line in [`for_each_kind`].
 
-#[cfg(test)]
 mod bend;
 mod element;
 mod spring;
@@ -17,8 +16,7 @@ use bevy::math::DVec3;
 
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
-#[cfg(test)]
-pub(super) use bend::Bend;
+pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use spring::Spring;
 pub(super) use table::Table;
@@ -40,15 +38,15 @@ macro_rules! for_each_kind {
         $callback! {
             springs: Spring, 2;
             #[cfg(test)] ties: Bend<2>, 2;
-            #[cfg(test)] rods: Bend<3>, 3;
-            #[cfg(test)] hinges: Bend<4>, 4;
+            rods: Bend<3>, 3;
+            hinges: Bend<4>, 4;
         }
     };
 }
 pub(super) use for_each_kind;
 
 /// The largest number of ends of any kind.
-pub(super) const MAX_ENDS: usize = if cfg!(test) { 4 } else { 2 };
+pub(super) const MAX_ENDS: usize = 4;
 
 macro_rules! define_elements {
     ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {

@@ -1,0 +1,82 @@
+//! What a net is made of: a pure value, shared by all nets of equal recipes.
+
+use bevy::math::Vec3;
+
+use crate::solver::{Bend, Spring};
+
+/// The particles of a net at rest, and what joins them. Particles are known by their numbers, for life.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Topology {
+    /// The places of the particles at rest, m, in the frame of the recipe.
+    pub positions: Vec<Vec3>,
+    /// The mass of each particle, kg, > 0.
+    pub masses: Vec<f32>,
+    /// The radius of all particles, m: half of the thickness of a rope or cloth.
+    pub radius: f32,
+    /// The springs and their ends.
+    pub springs: Vec<([u32; 2], Spring)>,
+    /// Bends of three particles, weights (1, −2, 1), along ropes.
+    pub rods: Vec<([u32; 3], Bend<3>)>,
+    /// Bends of four particles, about the common edges of triangles.
+    pub hinges: Vec<([u32; 4], Bend<4>)>,
+    /// The surface, counter-clockwise seen from outside or from the front. None of a rope.
+    pub triangles: Vec<[u32; 3]>,
+    /// How the particles are arranged.
+    pub layout: Layout,
+    /// Groups of particles that an artist painted or a closure chose, by name.
+    pub painted: Vec<(String, Vec<u32>)>,
+    /// How air acts on it.
+    pub air: Air,
+    /// The pressure of the gas inside at the rest volume, Pa above the surroundings. `None`: it encloses none.
+    pub pressure: Option<f32>,
+    /// How the vertices of the user's mesh hang on the particles; `None` if there is no such mesh.
+    pub binding: Option<MeshBinding>,
+}
+
+/// How the particles of a net are arranged.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// In no way that is known.
+    #[default]
+    Free,
+    /// A chain: particle i is joined to i + 1; the last to the first if it is closed.
+    Rope {
+        /// Whether it is a loop.
+        is_closed: bool,
+    },
+    /// A grid of cells: particle (i, j) is number j (cells[0] + 1) + i.
+    Grid {
+        /// The number of cells along each axis.
+        cells: [u32; 2],
+    },
+    /// A box of cells: particle (i, j, k) is number (k (ny + 1) + j) (nx + 1) + i.
+    Lattice {
+        /// The number of cells along each axis.
+        cells: [u32; 3],
+    },
+}
+
+/// The aerodynamic coefficients of a net.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Air {
+    /// Of the drag, on the area that faces the wind (cloths), or on length × diameter (ropes); >= 0.
+    pub drag: f32,
+    /// Of the lift, >= 0.
+    pub lift: f32,
+}
+
+impl Default for Air {
+    fn default() -> Self {
+        Self { drag: 1.0, lift: 0.0 }
+    }
+}
+
+/// How the vertices of a mesh hang on the particles of a net.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MeshBinding {
+    /// Vertex v is at particle `self[v]`: vertices in the same place share one.
+    Welded(Vec<u32>),
+    /// Vertex v is the mean of four particles with weights that add up to 1 (the fourth is 1 − the other three): a
+    /// fine mesh on a coarse lattice.
+    Skinned(Vec<([u32; 4], [f32; 3])>),
+}
