@@ -3,8 +3,14 @@
 //! A recipe becomes a [`Topology`], a pure value; [`ParticleNet`] is the
 //! state of one net that is laid out by it.
 
+mod measures;
 mod net;
+mod queries;
 mod topology;
+mod validation;
 
+pub(crate) use net::Arrays;
 pub use net::ParticleNet;
+pub use queries::NetHit;
 pub use topology::{Air, Layout, MeshBinding, Topology};
+pub use validation::InvalidTopology;

@@ -6,6 +6,7 @@ use crate::solver::{Bend, Spring};
 
 /// The particles of a net at rest, and what joins them. Particles are known by their numbers, for life.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Topology {
     /// The places of the particles at rest, m, in the frame of the recipe.
     pub positions: Vec<Vec3>,
@@ -35,6 +36,7 @@ pub struct Topology {
 
 /// How the particles of a net are arranged.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub enum Layout {
     /// In no way that is known.
     #[default]
@@ -58,6 +60,7 @@ pub enum Layout {
 
 /// The aerodynamic coefficients of a net.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Air {
     /// Of the drag, on the area that faces the wind (cloths), or on length × diameter (ropes); >= 0.
     pub drag: f32,
@@ -73,6 +76,7 @@ impl Default for Air {
 
 /// How the vertices of a mesh hang on the particles of a net.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub enum MeshBinding {
     /// Vertex v is at particle `self[v]`: vertices in the same place share one.
     Welded(Vec<u32>),

@@ -8,6 +8,7 @@
 //! A new kind is one file, and one line in [`for_each_kind`].
 
 mod bend;
+mod bulk;
 mod element;
 mod spring;
 mod table;
