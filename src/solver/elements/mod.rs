@@ -45,6 +45,18 @@ macro_rules! for_each_kind {
 }
 pub(super) use for_each_kind;
 
+/// The kinds of them that are bends, which the kernel takes in runs: `callback! { name: N; … }`.
+macro_rules! for_each_bend {
+    ($callback:ident) => {
+        $callback! {
+            #[cfg(test)] ties: 2;
+            rods: 3;
+            hinges: 4;
+        }
+    };
+}
+pub(super) use for_each_bend;
+
 /// The largest number of ends of any kind.
 pub(super) const MAX_ENDS: usize = 4;
 
@@ -90,12 +102,10 @@ macro_rules! define_elements {
                 let _ = first;
             }
 
-            /// Calls `visit` for each element that acts: its energy in J, ‖s‖ and its rest length in m.
-            pub(super) fn for_each_energy(&self, position: &Vectors, mut visit: impl FnMut(f64, f64, f64)) {
+            /// Calls `visit` for each element that acts: its energy in J.
+            pub(super) fn for_each_energy(&self, position: &Vectors, mut visit: impl FnMut(f64)) {
                 $($(#[$meta])* self.$kind.for_each_acting(|_, ends, element| {
-                    let separation = combine(ends, element, position);
-                    let rest_length = Element::rest_length(element);
-                    visit(Element::energy(element, separation), separation.length(), rest_length);
+                    visit(Element::energy(element, combine(ends, element, position)));
                 });)*
             }
 
@@ -337,6 +347,13 @@ impl Elements {
     pub fn clear(&mut self) {
         *self = Self::default();
         self.versions.reset();
+    }
+
+    /// Calls `visit` for each spring that acts: its length and its rest length in m.
+    pub(super) fn for_each_spring(&self, position: &Vectors, mut visit: impl FnMut(f64, f64)) {
+        self.springs.for_each_acting(|_, ends, spring| {
+            visit(combine(ends, spring, position).length(), spring.rest_length.into());
+        });
     }
 
     /// Number of particles when the tables were sorted last.
