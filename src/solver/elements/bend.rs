@@ -346,6 +346,6 @@ mod tests {
         let bounds = Caches::default().frequency_bounds(&state, 0.0);
         assert!((bounds.angular_frequency.powi(2) / (50.0 * mobility) - 1.0).abs() < 1e-6);
         assert!((bounds.damping_rate / (1.5 * mobility) - 1.0).abs() < 1e-6);
-        assert!(bounds.has_loops, "bends are solved for by iteration");
+        assert!(!bounds.has_loops, "rods are solved for directly");
     }
 }
