@@ -11,6 +11,7 @@ mod bend;
 mod element;
 mod spring;
 mod table;
+mod versions;
 
 use bevy::math::DVec3;
 
@@ -19,7 +20,8 @@ use crate::solver::state::Version;
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use spring::Spring;
-pub(super) use table::Table;
+pub(super) use table::{Ramp, Table};
+use versions::Versions;
 
 /// An element that exerts forces, as the graph sees it.
 #[derive(Clone, Copy)]
@@ -100,6 +102,16 @@ macro_rules! define_elements {
                     first += self.$kind.len() as u32;
                 })*
                 let _ = first;
+            }
+
+            /// Calls `visit` with the ends of each element that is sorted and not anchored, see
+            /// [`Table::sorted`].
+            pub(super) fn for_each_sorted(&self, mut visit: impl FnMut(&[u32])) {
+                $($(#[$meta])* {
+                    let ends = self.$kind.all_ends()[..self.$kind.sorted()].iter().enumerate();
+                    let loose = ends.filter(|(index, _)| !self.$kind.is_anchored(*index));
+                    loose.for_each(|(_, ends)| visit(ends));
+                })*
             }
 
             /// Calls `visit` for each element that acts: its energy in J.
@@ -261,30 +273,6 @@ for_each_kind!(define_elements);
 
 /// One in this number of elements, or particles, may be unsorted; see [`Table::sorted`].
 const MAX_UNSORTED: usize = 8;
-
-/// Elements of the same version are the same, in some respect.
-#[derive(Debug, Clone, Copy, Default)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct Versions {
-    /// In all.
-    all: Version,
-    /// In their ends and coefficients.
-    rates: Version,
-    /// In their ends, and whether they act.
-    ends: Version,
-    /// In the ends of those that have a strain limit.
-    limits: Version,
-    /// What has changed since this version is listed.
-    edited_since: Version,
-}
-
-impl Versions {
-    /// Everything may be other than before.
-    fn reset(&mut self) {
-        let new = Version::new();
-        *self = Self { all: new, rates: new, ends: new, limits: new, edited_since: new };
-    }
-}
 
 /// A collection that has a table of this kind.
 pub(super) trait Holds<E, const N: usize> {

@@ -5,6 +5,8 @@
 //! scheme, [`Exclusions`] the contacts, couplings the stability bounds. All of these are caches: pure functions
 //! of the state. An element that is removed leaves them at once.
 
+mod bend_blocks;
+mod bend_runs;
 pub(super) mod block;
 mod blocks;
 mod coincidence;
@@ -22,6 +24,7 @@ mod order;
 mod reduction;
 
 use crate::solver::elements::MAX_ENDS;
+pub(super) use bend_runs::{BendList, BendRun};
 pub(super) use blocks::Blocks;
 pub(super) use coincidence::part_coincident;
 pub(super) use colouring::Colouring;
