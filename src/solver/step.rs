@@ -162,7 +162,7 @@ impl Caches {
     fn end_tick(&mut self, state: &mut State, plan: Plan) {
         self.contacts.end_tick(&mut state.contacts);
         if state.elements.any_ramps() && !plan.integrator.is_implicit() {
-            self.blocks.ramp_to(state.elements.springs(), 1.0);
+            self.blocks.ramp_to(&state.elements, 1.0);
         }
         state.elements.end_ramps();
     }
@@ -250,7 +250,7 @@ impl Caches {
         if has_ramps {
             elements.ramp_to(pinned.elapsed);
             if !plan.integrator.is_implicit() {
-                blocks.ramp_to(elements.springs(), elapsed);
+                blocks.ramp_to(elements, elapsed);
             }
         }
         let net = Net { elements, colouring, field, pinned, surroundings, elapsed };

@@ -64,11 +64,8 @@ fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>) {
             Transform::from_xyz((share - 0.5) * WIDTH, RAIL, 0.0),
             Visibility::default(),
         ));
-        let look = (
-            ring_mesh.clone(),
-            brass.clone(),
-            Transform::from_xyz(0.0, 0.05, 0.0).with_rotation(across),
-        );
+        let look =
+            (ring_mesh.clone(), brass.clone(), Transform::from_xyz(0.0, 0.05, 0.0).with_rotation(across));
         stage.commands.entity(holder).with_child(look).with_child((
             PartOf(curtain),
             Part::Particle(particle),

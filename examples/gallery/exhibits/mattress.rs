@@ -68,11 +68,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             // Sideways, a coil is softer than along itself.
             for (dx, dz) in [(0.3, 0.0), (0.0, 0.3)] {
                 let place = base_place + Vec3::new(dx, 0.0, dz);
-                let stay = stage.spawn((
-                    Particle::new(1.0, 0.0),
-                    Pinned,
-                    Transform::from_translation(place),
-                ));
+                let stay = stage.spawn((Particle::new(1.0, 0.0), Pinned, Transform::from_translation(place)));
                 let length = (Vec3::new(x, HEIGHT, z) - place).length();
                 stage.spawn(Spring::new(stay, top, length).with_stiffness(60.0).with_damping(2.0));
             }

@@ -35,7 +35,13 @@ pub fn plugin(app: &mut App) {
 }
 
 /// A slider for a parameter; whether it was moved.
-fn slider(ui: &mut Ui, name: &str, unit: &str, value: &mut f32, range: std::ops::RangeInclusive<f32>) -> bool {
+fn slider(
+    ui: &mut Ui,
+    name: &str,
+    unit: &str,
+    value: &mut f32,
+    range: std::ops::RangeInclusive<f32>,
+) -> bool {
     let slider = Slider::new(value, range).suffix(format!(" {unit}")).text(name);
     ui.add(slider).changed()
 }

@@ -59,7 +59,9 @@ fn spawn(mut stage: Stage) {
 }
 
 fn draw(mut ui: InMut<Ui>, mut rods: Query<(&mut Rope, &Step)>) {
-    let Some(softest) = rods.iter().find(|(_, step)| step.0 == 0).map(|(rod, _)| rod.material) else { return };
+    let Some(softest) = rods.iter().find(|(_, step)| step.0 == 0).map(|(rod, _)| rod.material) else {
+        return;
+    };
     let mut edited = softest;
     log_slider(&mut ui, "EI of the softest", "N·m²", &mut edited.bending_stiffness, 1e-5..=1.0);
     log_slider(&mut ui, "mass", "kg/m", &mut edited.linear_density, 0.01..=1.0);
