@@ -9,6 +9,7 @@
 
 mod bend;
 mod element;
+mod failure;
 mod spring;
 mod table;
 
@@ -18,6 +19,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
+pub use failure::Plasticity;
 pub use spring::Spring;
 pub(super) use table::Table;
 
@@ -264,6 +266,8 @@ struct Versions {
     ends: Version,
     /// In the ends of those that have a strain limit.
     limits: Version,
+    /// In what they bear.
+    failures: Version,
     /// What has changed since this version is listed.
     edited_since: Version,
 }
@@ -272,7 +276,7 @@ impl Versions {
     /// Everything may be other than before.
     fn reset(&mut self) {
         let new = Version::new();
-        *self = Self { all: new, rates: new, ends: new, limits: new, edited_since: new };
+        *self = Self { all: new, rates: new, ends: new, limits: new, failures: new, edited_since: new };
     }
 }
 
@@ -293,6 +297,9 @@ impl Elements {
         if element.max_stretch().is_some() {
             self.versions.limits = new;
         }
+        if element.may_fail() {
+            self.versions.failures = new;
+        }
         self.table_mut().push(ends, element)
     }
 
@@ -311,6 +318,9 @@ impl Elements {
         }
         if old.max_stretch().is_some() != element.max_stretch().is_some() {
             self.versions.limits = self.versions.all;
+        }
+        if old.may_fail() != element.may_fail() {
+            self.versions.failures = self.versions.all;
         }
         if old.tension_only() != element.tension_only() {
             // It belongs into another run.

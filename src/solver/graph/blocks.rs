@@ -99,7 +99,8 @@ impl Blocks {
         springs.ramps().iter().for_each(|ramp| self.set_parameters(ramp.index as usize, ramp.at(share)));
     }
 
-    fn set_parameters(&mut self, index: usize, spring: Spring) {
+    /// Gives a spring other parameters.
+    pub fn set_parameters(&mut self, index: usize, spring: Spring) {
         for place in self.places[index].into_iter().flatten() {
             self.blocks[place.block as usize].set_parameters(place.index as usize, spring);
         }
