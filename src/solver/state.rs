@@ -156,7 +156,7 @@ impl State {
     }
 
     /// Appends a bend; its index among those of as many ends.
-    pub(crate) fn add_bend<const N: usize>(&mut self, ends: [usize; N], bend: Bend<N>) -> usize
+    pub(super) fn add_bend<const N: usize>(&mut self, ends: [usize; N], bend: Bend<N>) -> usize
     where
         Elements: Holds<Bend<N>, N>,
     {

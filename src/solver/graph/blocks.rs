@@ -15,9 +15,7 @@ use std::ops::Range;
 
 use super::block::{Block, Entry, Loose, Owned};
 use super::layout::Layout;
-#[cfg(test)]
-use crate::solver::elements::Bend;
-use crate::solver::elements::{Element, Elements, Holds, Spring, Table, for_each_kind};
+use crate::solver::elements::{Bend, Element, Elements, Holds, Spring, Table, for_each_kind};
 use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
 

@@ -226,7 +226,10 @@ mod tests {
                 .push(*link, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         for bend in bends {
-            elements.push(*bend, Bend { stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] });
+            elements.push(
+                *bend,
+                Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] },
+            );
         }
         for inverse_mass in inverse_mass {
             particles.push(Vec3::ZERO, Vec3::ZERO, *inverse_mass, 0.0);

@@ -3,9 +3,7 @@
 use bevy::math::Vec3;
 
 use super::{Motion, in_vectors};
-#[cfg(test)]
-use crate::solver::elements::Bend;
-use crate::solver::elements::{Element, Spring, for_each_kind};
+use crate::solver::elements::{Bend, Element, Spring, for_each_kind};
 use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
 use crate::solver::settings::Field;
 
