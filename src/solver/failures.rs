@@ -13,7 +13,7 @@
 
 use bevy::math::Vec3;
 
-use crate::solver::elements::Elements;
+use crate::solver::elements::{Element, Elements};
 use crate::solver::graph::Islands;
 use crate::solver::outputs::Broken;
 use crate::solver::particles::Particles;

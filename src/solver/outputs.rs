@@ -17,7 +17,7 @@ pub struct Broken {
     pub tension: f32,
     /// How much longer it was then than without force, m.
     pub elongation: f32,
-    /// The middle between its ends then, m.
+    /// The middle between its ends then, m, as positions are measured.
     pub point: Vec3,
 }
 

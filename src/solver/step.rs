@@ -180,7 +180,11 @@ impl Caches {
         }
         broken.iter().for_each(|broken| elements.break_spring(broken.spring as u32));
         yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
-        for spring in broken.iter().map(|broken| broken.spring).chain(yielded.iter().map(|(spring, _)| *spring as usize)) {
+        for spring in broken
+            .iter()
+            .map(|broken| broken.spring)
+            .chain(yielded.iter().map(|(spring, _)| *spring as usize))
+        {
             let (ends, parameters) = elements.springs().with_ends(spring);
             ends.into_iter().for_each(|end| pulls.forget(end));
             if !plan.integrator.is_implicit() {
