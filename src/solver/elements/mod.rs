@@ -9,6 +9,7 @@
 
 mod bend;
 mod element;
+mod failure;
 mod spring;
 mod table;
 mod versions;
@@ -19,6 +20,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
+pub use failure::Plasticity;
 pub use spring::Spring;
 pub(super) use table::{Ramp, Table};
 use versions::Versions;
@@ -291,6 +293,9 @@ impl Elements {
         if element.max_stretch().is_some() {
             self.versions.limits = new;
         }
+        if element.may_fail() {
+            self.versions.failures = new;
+        }
         self.table_mut().push(ends, element)
     }
 
@@ -309,6 +314,9 @@ impl Elements {
         }
         if old.max_stretch().is_some() != element.max_stretch().is_some() {
             self.versions.limits = self.versions.all;
+        }
+        if old.may_fail() != element.may_fail() {
+            self.versions.failures = self.versions.all;
         }
         if old.tension_only() != element.tension_only() {
             // It belongs into another run.

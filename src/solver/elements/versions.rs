@@ -14,6 +14,8 @@ pub(super) struct Versions {
     pub ends: Version,
     /// In the ends of those that have a strain limit.
     pub limits: Version,
+    /// In what they bear.
+    pub failures: Version,
     /// What has changed since this version is listed.
     pub edited_since: Version,
 }
@@ -22,6 +24,6 @@ impl Versions {
     /// Everything may be other than before.
     pub fn reset(&mut self) {
         let new = Version::new();
-        *self = Self { all: new, rates: new, ends: new, limits: new, edited_since: new };
+        *self = Self { all: new, rates: new, ends: new, limits: new, failures: new, edited_since: new };
     }
 }

@@ -84,7 +84,8 @@ impl Blocks {
         self.ramp_bends_to(elements, share);
     }
 
-    fn set_parameters(&mut self, index: usize, spring: Spring) {
+    /// Gives a spring other parameters.
+    pub fn set_parameters(&mut self, index: usize, spring: Spring) {
         for place in self.places[index].into_iter().flatten() {
             self.blocks[place.block as usize].set_parameters(place.index as usize, spring);
         }

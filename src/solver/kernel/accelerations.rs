@@ -181,7 +181,7 @@ fn run_forces<const TENSION_ONLY: bool>(
                 stiffness: stiffness[lane],
                 damping: damping[lane],
                 tension_only: TENSION_ONLY,
-                max_stretch: None,
+                ..Spring::elastic(0.0, 0.0, 0.0)
             };
             let pull = spring
                 .pull(between(&lower_position, &upper_position), between(&lower_velocity, &upper_velocity));
