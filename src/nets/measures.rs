@@ -44,7 +44,8 @@ impl ParticleNet {
             return *tension;
         }
         let Some((ends, spring)) = self.topology().springs.get(index) else { return 0.0 };
-        if ends.iter().any(|end| self.quarantined().binary_search(end).is_ok()) {
+        let is_out = ends.iter().any(|end| self.quarantined().binary_search(end).is_ok());
+        if is_out || self.broken().binary_search(&(index as u32)).is_ok() {
             return 0.0;
         }
         let [first, second] = ends.map(|end| end as usize);
@@ -64,7 +65,10 @@ impl ParticleNet {
     pub fn pieces(&self) -> usize {
         let mut root: Vec<u32> = (0..self.len() as u32).collect();
         let mut pieces = self.len();
-        for (ends, _) in &self.topology().springs {
+        for (spring, (ends, _)) in (0..).zip(&self.topology().springs) {
+            if self.broken().binary_search(&spring).is_ok() {
+                continue;
+            }
             let [one, other] = ends.map(|end| find(&mut root, end));
             if one != other {
                 root[one.max(other) as usize] = one.min(other);

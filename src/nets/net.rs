@@ -31,6 +31,8 @@ pub struct ParticleNet {
     pinned: Vec<u32>,
     /// In ascending order.
     quarantined: Vec<u32>,
+    /// In ascending order.
+    broken: Vec<u32>,
     /// One a particle, or none.
     applied_forces: Vec<Vec3>,
     /// What parts do in this tick.
@@ -95,6 +97,7 @@ impl ParticleNet {
         }
         self.pinned.retain(|particle| (*particle as usize) < new);
         self.quarantined.retain(|particle| (*particle as usize) < new);
+        self.broken.retain(|spring| (*spring as usize) < topology.springs.len());
         self.parts = PartActions::default();
         self.tensions.clear();
         self.topology = topology;
@@ -194,6 +197,17 @@ impl ParticleNet {
     pub(crate) fn quarantine(&mut self, particle: u32) {
         if let Err(place) = self.quarantined.binary_search(&particle) {
             self.quarantined.insert(place, particle);
+        }
+    }
+
+    /// The springs that broke, in ascending order of their numbers.
+    pub fn broken(&self) -> &[u32] {
+        &self.broken
+    }
+
+    pub(crate) fn break_spring(&mut self, spring: u32) {
+        if let Err(place) = self.broken.binary_search(&spring) {
+            self.broken.insert(place, spring);
         }
     }
 

@@ -106,6 +106,9 @@ pub struct SceneSpring {
     /// The strain limit, finite and >= 0: never longer than (1 + this) rest lengths. Default none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_stretch: Option<f32>,
+    /// The tension in N beyond which it breaks, finite and >= 0. Default none: it never does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub breaking_force: Option<f32>,
 }
 
 fn is_false(value: &bool) -> bool {

@@ -142,6 +142,10 @@ impl MassSpringScene {
             .and_then(|()| {
                 spring.max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))
             })
+            .and_then(|()| {
+                let force = spring.breaking_force;
+                force.map_or(Ok(()), |force| parameter::non_negative("breaking_force", force))
+            })
             .map_err(|invalid| Fault::new(&parents, invalid))
     }
 }

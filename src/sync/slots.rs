@@ -11,7 +11,7 @@ use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
 use crate::solver;
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 
 use super::Simulation;
 use super::nets::{GatheredNets, NetData, Past};
@@ -34,7 +34,7 @@ pub(super) type ParticleData = (
     &'static mut Slot<Particle>,
 );
 
-type SpringData = (&'static Spring, Has<Disabled>, &'static mut Slot<Spring>);
+type SpringData = (&'static Spring, (Has<Disabled>, Has<Broken>), &'static mut Slot<Spring>);
 
 /// All nets.
 pub(super) type NetQuery<'w, 's> = Query<'w, 's, NetData, Allow<Disabled>>;
@@ -98,7 +98,8 @@ pub(super) fn refresh_slots(
     state.is_outdated |= state.excluded.iter().any(is_corrected);
     state.is_outdated |= state.particles.is_fragmented(net_particles, MAX_FRAGMENTATION);
     state.is_outdated |= state.springs.is_fragmented(net_springs, MAX_FRAGMENTATION);
-    let any_pending = state.particles.pending() + state.springs.pending() > 0 || state.nets.is_pending;
+    let pending = state.particles.pending() + state.springs.pending() + state.broken.len();
+    let any_pending = pending > 0 || state.nets.is_pending;
     if state.is_outdated {
         assignment.assign_all();
     } else if any_pending || edits.retry {
@@ -125,6 +126,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         state.is_outdated = false;
         state.excluded.clear();
         state.pending.clear();
+        state.broken.clear();
         self.simulation.fresh.clear();
         let old_entities = std::mem::take(&mut state.particles.slots);
         let old_nets = self.take_nets();
@@ -194,6 +196,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
         }
         for slot in std::mem::take(&mut self.state.springs.removed) {
             self.remove_spring(slot as usize);
+        }
+        for spring in std::mem::take(&mut self.state.broken) {
+            self.suspend(spring);
         }
         for &spring in &edits.relinked {
             self.suspend(spring);
@@ -307,7 +312,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     /// Gives a spring a slot, or leaves it pending.
     fn add_spring(&mut self, entity: Entity) {
         let Candidates { particles, springs, .. } = &mut self.candidates;
-        let Ok((spring, is_disabled, mut slot)) = springs.get_mut(entity) else { return };
+        let Ok((spring, (is_disabled, is_broken), mut slot)) = springs.get_mut(entity) else { return };
         if slot.get().is_some() {
             return;
         }
@@ -317,7 +322,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             commands.entity(entity).try_despawn();
             return;
         }
-        if is_disabled {
+        if is_disabled || is_broken {
             self.state.pending.push(entity);
             return;
         }

@@ -8,7 +8,7 @@ use crate::nets::ParticleNet;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::TickReport;
 use crate::solver::Measurements;
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 
 use super::easing;
 use super::state::MassSpringState;
@@ -38,11 +38,20 @@ use super::state::MassSpringState;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Snapshot {
     particles: Vec<ParticleRecord>,
-    springs: Vec<(Entity, Spring)>,
+    springs: Vec<SpringRecord>,
     nets: Vec<NetRecord>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
+}
+
+/// The components of a spring.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+struct SpringRecord {
+    entity: Entity,
+    spring: Spring,
+    is_broken: bool,
 }
 
 /// The components of a particle.
@@ -103,7 +112,7 @@ impl Snapshot {
         let particles = state.particles.entities();
         let particles = particles.filter_map(|entity| ParticleRecord::of(world, entity)).collect();
         let springs = state.springs.entities();
-        let springs = springs.filter_map(|entity| Some((entity, *world.get::<Spring>(entity)?))).collect();
+        let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
         let nets = state.nets.entities().filter_map(|entity| NetRecord::of(world, entity)).collect();
         let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
         Self { particles, springs, nets, planes, state: Some(state.clone()) }
@@ -112,7 +121,8 @@ impl Snapshot {
     /// Puts all particles, springs, nets and planes of the snapshot back that still exist, and the solver with them.
     ///
     /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
-    /// planes return to what they were; particles that were quarantined since come back. Entities that were
+    /// planes return to what they were; particles that were quarantined and springs that broke
+    /// since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
     /// spawned.
     ///
@@ -157,7 +167,7 @@ impl Snapshot {
     }
 
     fn spring_entities(&self) -> Vec<Entity> {
-        self.springs.iter().map(|(entity, _)| *entity).collect()
+        self.springs.iter().map(|record| record.entity).collect()
     }
 
     fn net_entities(&self) -> Vec<Entity> {
@@ -177,11 +187,7 @@ impl Snapshot {
                 record.restore(&mut entity);
             }
         }
-        for (entity, recorded) in springs {
-            if let Some(mut spring) = world.get_mut::<Spring>(entity) {
-                spring.set_if_neq(recorded);
-            }
-        }
+        springs.iter().for_each(|record| record.restore(world));
         nets.into_iter().for_each(|record| record.restore(world));
         planes.iter().for_each(|record| record.restore(world));
         match state {
@@ -194,9 +200,9 @@ impl Snapshot {
 impl MapEntities for Snapshot {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
         self.particles.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
-        for (entity, spring) in &mut self.springs {
-            *entity = mapper.get_mapped(*entity);
-            spring.map_entities(mapper);
+        for record in &mut self.springs {
+            record.entity = mapper.get_mapped(record.entity);
+            record.spring.map_entities(mapper);
         }
         self.nets.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
@@ -261,6 +267,21 @@ impl NetRecord {
     }
 }
 
+impl SpringRecord {
+    fn of(world: &World, entity: Entity) -> Option<Self> {
+        let entity = world.get_entity(entity).ok()?;
+        Some(Self { entity: entity.id(), spring: *entity.get()?, is_broken: entity.contains::<Broken>() })
+    }
+
+    fn restore(&self, world: &mut World) {
+        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
+        if let Some(mut spring) = entity.get_mut::<Spring>() {
+            spring.set_if_neq(self.spring);
+            set_marker(&mut entity, Broken, self.is_broken);
+        }
+    }
+}
+
 impl PlaneRecord {
     fn of(world: &World, entity: Entity) -> Option<Self> {
         let transform = world.get::<Transform>(entity)?;
@@ -287,7 +308,7 @@ impl InitialState {
     pub fn entities(&self) -> EntityHashSet {
         let Snapshot { particles, springs, nets, planes, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
-        let springs = springs.iter().map(|(entity, _)| *entity);
+        let springs = springs.iter().map(|record| record.entity);
         let nets = nets.iter().map(|record| record.entity);
         particles.chain(springs).chain(nets).chain(planes.iter().map(|record| record.entity)).collect()
     }
@@ -315,7 +336,7 @@ impl InitialState {
     }
 
     pub fn record_spring(&mut self, entity: Entity, spring: Spring) {
-        self.0.springs.push((entity, spring));
+        self.0.springs.push(SpringRecord { entity, spring, is_broken: false });
     }
 
     pub fn record_net(&mut self, entity: Entity, net: &ParticleNet, transform: &Transform) {

@@ -22,6 +22,9 @@ impl Elements {
             if added.iter().any(|(_, element)| element.max_stretch().is_some()) {
                 self.versions.limits = new;
             }
+            if added.iter().any(|(_, element)| element.may_fail()) {
+                self.versions.failures = new;
+            }
             self.table_mut()
                 .extend(added.iter().map(|(ends, element)| (ends.map(|end| end + first), *element)));
         }
@@ -46,12 +49,14 @@ impl Elements {
     }
 
     /// Gives the elements in `places` these parameters, where they are others; `on_change` gets the ends of each that
-    /// changes, and whether it begins or ceases to act. `false`, and nothing is changed, if they join other slots than `slot_of` says.
+    /// changes, and whether it begins or ceases to act. `merge` says what becomes of one, from what is there and what is
+    /// wanted. `false`, and nothing is changed, if they join other slots than `slot_of` says.
     pub fn set_all<E: Element<N>, const N: usize>(
         &mut self,
         places: Range<usize>,
         wanted: &[([u32; N], E)],
         slot_of: impl Fn(u32) -> u32,
+        merge: impl Fn(usize, &E, &E) -> E,
         mut on_change: impl FnMut(&[u32; N], bool),
     ) -> bool
     where
@@ -63,11 +68,12 @@ impl Elements {
         if !is_same {
             return false;
         }
-        for (index, (ends, element)) in places.zip(wanted) {
+        for (number, (index, (ends, wanted))) in places.zip(wanted).enumerate() {
             let old = Holds::<E, N>::table(self).elements()[index];
-            if old != *element {
+            let element = merge(number, &old, wanted);
+            if old != element {
                 on_change(&ends.map(&slot_of), old.acts() != element.acts());
-                self.set(index, *element);
+                self.set(index, element);
             }
         }
         true

@@ -6,6 +6,7 @@
 //! same bits, those of [`Element::pull`](crate::solver::elements::Element::pull) one element after the other.
 
 mod accelerations;
+mod bends;
 
 use crate::solver::graph::Blocks;
 use crate::solver::graph::block::{Block, MIN_RUN};

@@ -65,13 +65,16 @@ impl State {
             .remove_where::<Bend<4>, 4>(ranges.hinges.clone(), |ends| ends.iter().any(|end| is_gone(*end)));
     }
 
-    /// Gives the elements of a net these parameters. `slot_of` has the slot of each particle. `false`, and nothing is
-    /// changed, if they join other particles.
+    /// Gives the elements of a net these parameters. `slot_of` has the slot of each particle, `is_absent` says which
+    /// particles are out of the simulation and `is_broken` which springs are. `false`, and nothing is changed, if they
+    /// join other particles. What has yielded stays so.
     pub(crate) fn set_net(
         &mut self,
         ranges: &NetRanges,
         wanted: NetElements,
         slot_of: impl Fn(u32) -> u32 + Copy,
+        is_absent: impl Fn(u32) -> bool + Copy,
+        is_broken: impl Fn(usize) -> bool,
     ) -> bool {
         let Self { elements, pulls, contacts, .. } = self;
         let mut any_changed = false;
@@ -81,10 +84,23 @@ impl State {
                 ends.iter().for_each(|end| pulls.forget(*end as usize));
             }
         };
+        let merge_springs = |number: usize, old: &Spring, new: &Spring| {
+            if is_broken(number) || wanted.springs[number].0.iter().any(|end| is_absent(*end)) {
+                return *old;
+            }
+            yielded_as(*new, old)
+        };
+        let merge_rods = |number: usize, old: &Bend<3>, new: &Bend<3>| {
+            if wanted.rods[number].0.iter().any(|end| is_absent(*end)) { *old } else { *new }
+        };
+        let merge_hinges = |number: usize, old: &Bend<4>, new: &Bend<4>| {
+            if wanted.hinges[number].0.iter().any(|end| is_absent(*end)) { *old } else { *new }
+        };
+        let NetRanges { springs, rods, hinges, .. } = ranges.clone();
         let is_same = elements
-            .set_all(ranges.springs.clone(), wanted.springs, slot_of, |e, b| on_change(e, b))
-            && elements.set_all(ranges.rods.clone(), wanted.rods, slot_of, |e, b| on_change(e, b))
-            && elements.set_all(ranges.hinges.clone(), wanted.hinges, slot_of, |e, b| on_change(e, b));
+            .set_all(springs, wanted.springs, slot_of, merge_springs, |e, b| on_change(e, b))
+            && elements.set_all(rods, wanted.rods, slot_of, merge_rods, |e, b| on_change(e, b))
+            && elements.set_all(hinges, wanted.hinges, slot_of, merge_hinges, |e, b| on_change(e, b));
         if any_changed {
             contacts.request_search();
             self.may_coincide = true;
@@ -92,8 +108,30 @@ impl State {
         is_same
     }
 
+    /// Springs of a net that was added anew go on from what they were when the last tick ended.
+    pub(crate) fn set_past_net(&mut self, ranges: &NetRanges, past: &[Spring]) {
+        for (index, past) in ranges.springs.clone().zip(past) {
+            let Some(present) = self.spring(index).copied().filter(|present| present != past) else {
+                continue;
+            };
+            let yielded = yielded_as(present, past);
+            self.set_spring(index, yielded);
+            if yielded != *past {
+                self.set_past_spring(index, *past);
+            }
+        }
+    }
+
     /// The springs that do not belong to a net but end in one of its slots.
     pub(crate) fn springs_into(&self, ranges: &NetRanges, is_in: impl Fn(u32) -> bool) -> Vec<usize> {
         self.elements.springs_into(is_in, &ranges.springs)
     }
+}
+
+/// The spring with the plastic strain of another one.
+fn yielded_as(mut spring: Spring, other: &Spring) -> Spring {
+    if let (Some(own), Some(other)) = (&mut spring.plasticity, other.plasticity) {
+        own.strain = other.strain;
+    }
+    spring
 }

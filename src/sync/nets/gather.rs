@@ -113,14 +113,9 @@ impl KnownNet {
 /// quarantined particles stay empty.
 fn set_parameters(solver: &mut State, place: &NetPlace, net: &ParticleNet) -> bool {
     let slot_of = |particle: u32| place.slot(particle as usize) as u32;
-    if !solver.set_net(&place.ranges, elements(net.topology()), slot_of) {
-        return false;
-    }
-    if !place.quarantined.is_empty() {
-        let gone = place.quarantined.iter().map(|particle| place.slot(*particle as usize));
-        solver.remove_from_net(&place.ranges, gone);
-    }
-    true
+    let is_absent = |particle: u32| place.quarantined.binary_search(&particle).is_ok();
+    let is_broken = |spring: usize| net.broken().binary_search(&(spring as u32)).is_ok();
+    solver.set_net(&place.ranges, elements(net.topology()), slot_of, is_absent, is_broken)
 }
 
 /// Copies all nets.

@@ -171,12 +171,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
             for (new, old) in ranges.particles.clone().zip(old.slots()) {
                 new_slots[old] = Some(new as u32);
             }
-            for ((new, old), (_, present)) in
-                ranges.springs.clone().zip(old.ranges.springs.clone()).zip(&topology.springs)
-            {
-                if let Some(then) = past.springs.get(old).filter(|then| *then != present) {
-                    state.solver.set_past_spring(new, *then);
-                }
+            if let Some(springs) = past.springs.get(old.ranges.springs.clone()) {
+                state.solver.set_past_net(&ranges, springs);
             }
         }
         let mut place = NetPlace::new(ranges);
@@ -184,6 +180,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let gone = place.quarantined.iter().map(|particle| place.slot(*particle as usize));
         if gone.len() > 0 {
             state.solver.remove_from_net(&place.ranges, gone);
+        }
+        for spring in net.broken() {
+            state.solver.remove_spring(place.ranges.springs.start + *spring as usize);
         }
         state.nets.quarantined += place.quarantined.len();
         entry.place = Some(place);

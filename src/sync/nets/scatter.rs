@@ -59,6 +59,11 @@ pub(in crate::sync) fn scatter_nets(
                 *is_outdated = true;
             }
         }
+        for broken in &simulation.outputs.broken {
+            if place.ranges.springs.contains(&broken.spring) {
+                net.break_spring((broken.spring - place.ranges.springs.start) as u32);
+            }
+        }
         if simulation.outputs.record_forces {
             let tensions = simulation.outputs.tensions.get(place.ranges.springs.clone()).unwrap_or_default();
             net.bypass_change_detection().arrays_mut().tensions.clear();
