@@ -134,11 +134,7 @@ impl<const N: usize> BendList<N> {
 }
 
 impl<const N: usize> BendRun<N> {
-    fn of<I: Iterator<Item = Bend<N>>>(
-        entry: &BendEntry<N>,
-        start: usize,
-        bends: impl Fn() -> I,
-    ) -> Self {
+    fn of<I: Iterator<Item = Bend<N>>>(entry: &BendEntry<N>, start: usize, bends: impl Fn() -> I) -> Self {
         let first = entry.ends();
         let mut order = std::array::from_fn(|end| end as u32);
         order.sort_unstable_by_key(|end| first[*end as usize]);

@@ -129,8 +129,7 @@ impl Elimination {
         let (pinned, free): (Vec<u32>, Vec<u32>) =
             all.into_iter().partition(|slot| particles.is_pinned(*slot as usize));
         let reduction = Reduction::of(members, in_core, &free, particles, nodes);
-        let mut elimination =
-            Self { free: free.len(), trees: reduction.order.len(), ..Self::default() };
+        let mut elimination = Self { free: free.len(), trees: reduction.order.len(), ..Self::default() };
         let order = reduction.order.iter().chain(&reduction.left);
         elimination.slots.extend(order.map(|place| free[*place as usize]).chain(pinned));
         for (node, slot) in (0..).zip(&elimination.slots) {
@@ -250,7 +249,10 @@ mod tests {
                 .push(*link, Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, ..Spring::default() });
         }
         for bend in bends {
-            elements.push(*bend, Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] });
+            elements.push(
+                *bend,
+                Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] },
+            );
         }
         for inverse_mass in inverse_mass {
             particles.push(Vec3::ZERO, Vec3::ZERO, *inverse_mass, 0.0);
@@ -313,7 +315,10 @@ mod tests {
             rope.bent.iter().map(|node| (node.second_parent, node.compounds_end)).collect();
         assert_eq!(seconds, [(3, 2), (3, 3), (5, 3), (5, 3)]);
         let fill = Fill::Tree { node: 2, to_second: false };
-        assert_eq!(rope.bent.iter().map(|node| node.fill).collect::<Vec<_>>(), [fill, fill, Fill::None, Fill::None]);
+        assert_eq!(
+            rope.bent.iter().map(|node| node.fill).collect::<Vec<_>>(),
+            [fill, fill, Fill::None, Fill::None]
+        );
     }
 
     /// The compound of a rope with these nodes.

@@ -205,8 +205,7 @@ pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -
     elements.for_each_acting(|Acting { ends, .. }| {
         if let ([first, second], false) = (ends, has_loops) {
             let is_free = |end: &u32| !particles.is_pinned(*end as usize);
-            has_loops =
-                is_free(first) && is_free(second) && !forest.join(*first as usize, *second as usize);
+            has_loops = is_free(first) && is_free(second) && !forest.join(*first as usize, *second as usize);
         }
         has_bends |= ends.len() > 2;
     });
@@ -279,7 +278,10 @@ mod tests {
     fn an_element_of_three_ends_joins_all_of_them() {
         let particles = particles(&[1.0; 5]);
         let mut elements = springs(&[[3, 4]]);
-        elements.push([0, 1, 3], Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] });
+        elements.push(
+            [0, 1, 3],
+            Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] },
+        );
         let found = islands(&elements, &particles);
         assert_eq!([0, 1, 2, 3, 4].map(|slot| found.of(slot)), [Some(0), Some(0), None, Some(0), Some(0)]);
         assert_eq!(found.all(), [Island { elements: 2, has_loops: false }]);

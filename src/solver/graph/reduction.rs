@@ -65,13 +65,7 @@ impl Reduction {
 }
 
 impl Net {
-    fn of(
-        members: &[Linked],
-        kept: &[u32],
-        free: &[u32],
-        particles: &Particles,
-        places: &mut [u32],
-    ) -> Self {
+    fn of(members: &[Linked], kept: &[u32], free: &[u32], particles: &Particles, places: &mut [u32]) -> Self {
         for (place, slot) in (0..).zip(free) {
             places[*slot as usize] = place;
         }
@@ -145,7 +139,8 @@ mod tests {
     fn reduce(count: usize, members: &[&[u32]], kept: &[u32]) -> Reduction {
         let mut particles = Particles::default();
         (0..count).for_each(|_| particles.push(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0));
-        let members: Vec<Linked> = (0..).zip(members).map(|(number, ends)| Linked::new(number, ends)).collect();
+        let members: Vec<Linked> =
+            (0..).zip(members).map(|(number, ends)| Linked::new(number, ends)).collect();
         let free: Vec<u32> = (0..count as u32).collect();
         Reduction::of(&members, kept, &free, &particles, &mut vec![0; count])
     }

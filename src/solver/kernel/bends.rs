@@ -23,12 +23,7 @@ macro_rules! define_add_bends {
 for_each_bend!(define_add_bends);
 
 #[inline(always)]
-fn add_bends<const N: usize>(
-    list: &BendList<N>,
-    motion: Motion,
-    force: &mut [&mut [f32]; 3],
-    start: usize,
-) {
+fn add_bends<const N: usize>(list: &BendList<N>, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
     let mut pulls = Pulls([[0.0; LANES + CHUNK + LANES + LANES]; 3]);
     for run in &list.runs {
         let count = run.count as usize;
