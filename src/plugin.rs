@@ -7,10 +7,10 @@ use bevy::prelude::*;
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
-use crate::report::{ParticleFault, SpringForces, TickReport};
+use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
 use crate::settings::{Dimensions, OrphanedSprings, SolverSettings};
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 use crate::sync;
 use crate::time_control::SingleStepPlugin;
 
@@ -114,6 +114,6 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, PlaneCollider)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
-        .register_type::<(TickReport, SpringForces, SimulationOrder)>()
+        .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -6,6 +6,7 @@
 //! same bits, those of [`Element::pull`](crate::solver::elements::Element::pull) one element after the other.
 
 mod accelerations;
+mod bends;
 
 use crate::solver::graph::Blocks;
 use crate::solver::graph::block::{Block, MIN_RUN};
@@ -226,7 +227,10 @@ mod tests {
             let spring = Spring { rest_length: 5.0, stiffness: 3.0, damping: 0.1, ..Spring::default() };
             elements.push([slot as u32, far as u32], spring);
             let ends = [slot as u32, (slot + 5) as u32, far as u32];
-            elements.push(ends, Bend { stiffness: 0.5, damping: 0.1, weights: [1.0, -2.0, 1.0] });
+            elements.push(
+                ends,
+                Bend { rest_length: 0.0, stiffness: 0.5, damping: 0.1, weights: [1.0, -2.0, 1.0] },
+            );
         }
         let blocks = Blocks::of(elements.clone(), &particles);
         assert!(blocks.blocks.len() > 1);
