@@ -3,7 +3,7 @@
 //! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
 //! exert no force.
 
-use crate::solver::elements::{Acting, Elements};
+use crate::solver::elements::{Acting, Elements, Enclosure};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
 
@@ -51,6 +51,16 @@ impl Islands {
                 closing.push(first);
             }
         });
+        for (_, enclosure) in elements.gases().acting() {
+            let mut free = free_slots(enclosure, particles);
+            let Some(first) = free.next() else { continue };
+            joined[first] = true;
+            closing.push(first);
+            for slot in free {
+                joined[slot] = true;
+                forest.join(first, slot);
+            }
+        }
         self.number(&mut forest, &joined);
         closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
         elements.for_each_acting(|Acting { ends, .. }| {
@@ -160,10 +170,18 @@ impl Forest {
     }
 }
 
+fn free_slots<'a>(
+    enclosure: &'a Enclosure,
+    particles: &'a Particles,
+) -> impl Iterator<Item = usize> + use<'a> {
+    let slots = enclosure.slots.iter().map(|slot| *slot as usize);
+    slots.filter(|slot| !particles.is_pinned(*slot))
+}
+
 /// Whether the acting elements close a loop among free particles.
 pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -> bool {
     let mut forest = Forest::new(particles.len());
-    let mut has_loops = false;
+    let mut has_loops = elements.gases().any_act();
     elements.for_each_acting(|Acting { ends, .. }| {
         if !has_loops {
             let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));

@@ -5,6 +5,7 @@
 use bevy::math::DVec3;
 
 use super::block::Symmetric;
+use super::gas::CoreGases;
 use super::system::System;
 use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::{Elimination, NodeRun};
@@ -22,6 +23,7 @@ pub(super) struct Core {
     along: [Vec<f32>; 3],
     across: Vec<f32>,
     compounds: Vec<CoreCompound>,
+    gases: CoreGases,
 }
 
 /// An element that couples more than two nodes.
@@ -73,6 +75,7 @@ impl Core {
             z.push(along.z as f32);
             self.across.push((link.across as f32).min(f32::MAX));
         }
+        self.gases.fill(&system.gases, elimination);
         self.compounds.clear();
         self.compounds.extend(system.compounds.iter().map(|compound| {
             let (mut ends, mut count) = ([(0, 0.0); MAX_ENDS], 0);
@@ -149,6 +152,7 @@ impl Core {
                 }
             }
         }
+        self.gases.add_product([x, y, z], &mut product);
     }
 }
 
