@@ -4,7 +4,7 @@ use bevy::math::Vec3;
 
 use super::Topology;
 use crate::parameter::{self, InvalidParameter};
-use crate::solver::{Bend, Spring};
+use crate::solver::{Bend, Spring, enclosed_volume};
 
 /// Why a [`Topology`] is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -53,6 +53,12 @@ pub enum InvalidTopology {
         /// The particle.
         particle: u32,
     },
+    /// A gas in a surface that is not closed, or is inside out.
+    #[error("its surface does not enclose its gas: it is open or inside out, around {volume} m³")]
+    Open {
+        /// The signed volume, m³.
+        volume: f32,
+    },
     /// The radius or pressure is outside its range.
     #[error(transparent)]
     Value(#[from] InvalidParameter),
@@ -82,7 +88,29 @@ impl Topology {
         check_ends("springs", self.springs.iter().map(|(ends, _)| ends), count)?;
         check_ends("rods", self.rods.iter().map(|(ends, _)| ends), count)?;
         check_ends("hinges", self.hinges.iter().map(|(ends, _)| ends), count)?;
-        check_ends("triangles", self.triangles.iter(), count)
+        check_ends("triangles", self.triangles.iter(), count)?;
+        self.air.validate()?;
+        match self.pressure {
+            Some(pressure) => self.check_gas(pressure),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Topology {
+    /// Gas needs a closed surface around it, its outside outwards.
+    fn check_gas(&self, pressure: f32) -> Result<(), InvalidTopology> {
+        parameter::non_negative("pressure", pressure)?;
+        let volume = enclosed_volume(&self.triangles, |particle| self.positions[particle as usize]) as f32;
+        let mut edges: Vec<[u32; 2]> =
+            self.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+        edges.sort_unstable();
+        let is_closed = edges.windows(2).all(|pair| pair[0] != pair[1])
+            && edges.iter().all(|[from, to]| edges.binary_search(&[*to, *from]).is_ok());
+        match is_closed && volume > 0.0 && volume.is_finite() {
+            true => Ok(()),
+            false => Err(InvalidTopology::Open { volume }),
+        }
     }
 }
 

@@ -371,31 +371,6 @@ impl Elements {
     pub(super) fn springs(&self) -> &Table<Spring, 2> {
         &self.springs
     }
-
-    /// Changes whenever an element does.
-    pub(super) fn version(&self) -> Version {
-        self.versions.all
-    }
-
-    /// Changes whenever ends or coefficients do.
-    pub(super) fn rates_version(&self) -> Version {
-        self.versions.rates
-    }
-
-    /// Changes when elements get other ends, begin or cease to act.
-    pub(super) fn ends_version(&self) -> Version {
-        self.versions.ends
-    }
-
-    /// Changes when elements with a strain limit are added or removed.
-    pub(super) fn limits_version(&self) -> Version {
-        self.versions.limits
-    }
-
-    /// Whether the tables list what has changed since `version`, apart from added elements.
-    pub(super) fn lists_edits_since(&self, version: Version) -> bool {
-        self.versions.edited_since == version
-    }
 }
 
 /// Σ cᵢ vᵢ over the ends of an element.

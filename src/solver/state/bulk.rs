@@ -5,7 +5,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::State;
-use crate::solver::elements::{Bend, Spring};
+use crate::solver::elements::{Bend, Face, Filament, Gas, Spring};
 
 /// Where a net is: consecutive slots, unless particles were renumbered since, and consecutive places in each table.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -15,6 +15,9 @@ pub(crate) struct NetRanges {
     pub springs: Range<usize>,
     pub rods: Range<usize>,
     pub hinges: Range<usize>,
+    pub faces: Range<usize>,
+    pub filaments: Range<usize>,
+    pub gas: Option<usize>,
 }
 
 /// The elements of a net, with ends that are counted from its first particle.
@@ -23,6 +26,24 @@ pub(crate) struct NetElements<'a> {
     pub springs: &'a [([u32; 2], Spring)],
     pub rods: &'a [([u32; 3], Bend<3>)],
     pub hinges: &'a [([u32; 4], Bend<4>)],
+    /// The triangles of the surface.
+    pub triangles: &'a [[u32; 3]],
+    /// How air acts on these; `None` where it does not.
+    pub face: Option<Face>,
+    /// How air acts along the springs; `None` where it does not.
+    pub filament: Option<Filament>,
+    /// What the surface encloses.
+    pub gas: Option<Gas>,
+}
+
+impl NetElements<'_> {
+    fn faces(&self) -> usize {
+        if self.face.is_some() { self.triangles.len() } else { 0 }
+    }
+
+    fn filaments(&self) -> usize {
+        if self.filament.is_some() { self.springs.len() } else { 0 }
+    }
 }
 
 impl State {
@@ -43,6 +64,18 @@ impl State {
             springs: self.elements.extend(first as u32, elements.springs),
             rods: self.elements.extend(first as u32, elements.rods),
             hinges: self.elements.extend(first as u32, elements.hinges),
+            ..self.add_surface(first as u32, elements)
+        }
+    }
+
+    fn add_surface(&mut self, first: u32, elements: NetElements) -> NetRanges {
+        let triangles = elements.triangles.iter().map(|ends| ends.map(|end| end + first));
+        let links = elements.springs.iter().map(|(ends, _)| ends.map(|end| end + first));
+        NetRanges {
+            faces: elements.face.map_or(0..0, |face| self.add_faces(triangles.clone(), face)),
+            filaments: elements.filament.map_or(0..0, |filament| self.add_filaments(links, filament)),
+            gas: elements.gas.map(|gas| self.add_gas(&triangles.collect::<Vec<_>>(), gas)),
+            ..NetRanges::default()
         }
     }
 
@@ -54,6 +87,20 @@ impl State {
             self.remove_particle(slot);
         }
         self.remove_elements(ranges, |end| is_gone[end as usize]);
+    }
+
+    /// Empties all slots and places of a net.
+    pub(crate) fn remove_net(&mut self, ranges: &NetRanges, slots: impl Iterator<Item = usize>) {
+        self.remove_faces(ranges.faces.clone());
+        self.remove_filaments(ranges.filaments.clone());
+        ranges.gas.into_iter().for_each(|gas| self.remove_gas(gas));
+        for slot in slots {
+            self.particles.vacate(slot);
+            self.pulls.forget(slot);
+            self.contacts.forget_particle(slot);
+        }
+        self.contacts.request_search();
+        self.remove_elements(ranges, |_| true);
     }
 
     fn remove_elements(&mut self, ranges: &NetRanges, is_gone: impl Fn(u32) -> bool) {
@@ -97,13 +144,21 @@ impl State {
             if wanted.hinges[number].0.iter().any(|end| is_absent(*end)) { *old } else { *new }
         };
         let NetRanges { springs, rods, hinges, .. } = ranges.clone();
-        let is_same = elements
-            .set_all(springs, wanted.springs, slot_of, merge_springs, |e, b| on_change(e, b))
+        let has_same_surface = ranges.faces.len() == wanted.faces()
+            && ranges.filaments.len() == wanted.filaments()
+            && ranges.gas.is_some() == wanted.gas.is_some();
+        let is_same = has_same_surface
+            && elements.set_all(springs, wanted.springs, slot_of, merge_springs, |e, b| on_change(e, b))
             && elements.set_all(rods, wanted.rods, slot_of, merge_rods, |e, b| on_change(e, b))
             && elements.set_all(hinges, wanted.hinges, slot_of, merge_hinges, |e, b| on_change(e, b));
         if any_changed {
             contacts.request_search();
             self.may_coincide = true;
+        }
+        if is_same {
+            wanted.face.into_iter().for_each(|face| self.set_faces(ranges.faces.clone(), face));
+            wanted.filament.into_iter().for_each(|link| self.set_filaments(ranges.filaments.clone(), link));
+            ranges.gas.zip(wanted.gas).into_iter().for_each(|(number, gas)| self.set_gas(number, gas));
         }
         is_same
     }

@@ -9,11 +9,11 @@ use bevy::prelude::*;
 
 use super::super::slots::Assignment;
 use super::registry::{NetPlace, RegisteredNet};
-use crate::nets::{PartOf, ParticleNet, Topology};
+use crate::nets::{Air, Layout, PartOf, ParticleNet, Topology};
 use crate::parameter;
 use crate::particle::SimulationOrder;
 use crate::solver::particles::Vectors;
-use crate::solver::{self, NetElements};
+use crate::solver::{self, Face, Filament, Gas, NetElements, enclosed_volume};
 
 /// All that the assignment reads of a net.
 pub(in crate::sync) type NetData = (Ref<'static, ParticleNet>, &'static Transform, Has<Disabled>);
@@ -27,8 +27,25 @@ pub(in crate::sync) struct Past {
     places: Vec<Option<NetPlace>>,
 }
 
+/// The elements of a net, air and gas included.
 pub(in crate::sync) fn elements(topology: &Topology) -> NetElements<'_> {
-    NetElements { springs: &topology.springs, rods: &topology.rods, hinges: &topology.hinges }
+    let Topology { springs, rods, hinges, triangles, radius, .. } = topology;
+    let Air { drag, lift } = topology.air;
+    let is_rope = matches!(topology.layout, Layout::Rope { .. });
+    NetElements {
+        springs,
+        rods,
+        hinges,
+        triangles,
+        face: (drag > 0.0 || lift > 0.0).then_some(Face { drag, lift }).filter(|_| !triangles.is_empty()),
+        filament: (is_rope && drag > 0.0).then_some(Filament { diameter: 2.0 * radius, drag }),
+        gas: topology.pressure.map(|pressure| Gas { pressure, rest_volume: rest_volume(topology) }),
+    }
+}
+
+/// The volume that the surface encloses at rest, m³.
+fn rest_volume(topology: &Topology) -> f32 {
+    enclosed_volume(&topology.triangles, |particle| topology.positions[particle as usize]) as f32
 }
 
 /// What is wrong with a net that is to be placed.
@@ -114,7 +131,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         for spring in place.ranges.springs.clone() {
             state.springs.vacate(spring);
         }
-        state.solver.remove_from_net(&place.ranges, place.slots());
+        state.solver.remove_net(&place.ranges, place.slots());
     }
 
     /// Gives places to the nets that have none, with what is known of their past; `new_slots[old]` gets the slots of
