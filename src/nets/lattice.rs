@@ -22,8 +22,8 @@ impl Weave {
             rest_length: first.distance(second) as f32,
             stiffness: stiffness as f32,
             damping: (stiffness * f64::from(self.retardation_time)) as f32,
-            tension_only: false,
             max_stretch: self.max_stretch,
+            ..Spring::default()
         };
         (ends, spring)
     }

@@ -216,6 +216,7 @@ impl Rope {
             damping: (stiffness * f64::from(self.material.retardation_time)) as f32,
             tension_only: self.tension_only,
             max_stretch: self.max_stretch,
+            ..Spring::default()
         };
         (ends, spring)
     }

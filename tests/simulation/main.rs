@@ -4,6 +4,7 @@
 //! (`logging`), the allocator (`allocations`), a display (`window`).
 
 mod ambiguity;
+mod breaking;
 mod cables;
 mod caches;
 mod coincidence;

@@ -31,7 +31,8 @@ use bevy::math::DVec3;
 
 use super::block::Symmetric;
 use super::contacts::PairFilter;
-use super::system::{Compound, Linearised, System, combine};
+use super::linearised::Linearised;
+use super::system::{Compound, System, combine};
 use super::write;
 use crate::solver::collision::Obstacles;
 use crate::solver::elements::Elements;
