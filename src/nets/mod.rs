@@ -4,6 +4,8 @@
 //! state of one net that is laid out by it.
 
 mod balloon;
+#[cfg(feature = "render")]
+mod bevy_mesh;
 mod cloth;
 mod error;
 mod icosphere;

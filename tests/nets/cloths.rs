@@ -67,7 +67,7 @@ fn a_strip_pulled_along_the_grid_lengthens_alike_at_every_resolution() {
     }
 }
 
-/// Hands pull at the ends only, and let them narrow: the strip is 4 times as long as wide, its cells are not square.
+/// Cells four times as long as wide have long diagonals, which are not at all particles of the rim: it is softer there.
 #[test]
 fn oblong_cells_make_the_same_cloth() {
     let cells = UVec2::new(10, 10);

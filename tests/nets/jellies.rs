@@ -58,8 +58,8 @@ fn a_bar_pulled_along_an_axis_lengthens_alike_at_every_resolution() {
         let size = DVec3::new(1.0, 2.0, 1.0);
         let net = block(size.as_vec3(), cells);
         let (modulus, ratio) = pulled(&net, &surface(size, cells), 2.0, DVec3::Y);
-        assert!((modulus / E - 1.0).abs() < 0.01, "{count}: {modulus}");
-        assert!((ratio - 0.25).abs() < 0.01, "{count}: {ratio}");
+        assert!((modulus / E - 1.0).abs() < 0.015, "{count}: {modulus}");
+        assert!((ratio - 0.25).abs() < 0.005, "{count}: {ratio}");
     }
 }
 
@@ -79,11 +79,11 @@ fn a_block_pulled_along_a_diagonal_lengthens_as_along_an_axis() {
 
 #[test]
 fn cells_that_are_no_cubes_make_the_same_jelly() {
-    let (size, cells) = (DVec3::new(1.0, 4.0, 1.0), UVec3::new(4, 4, 4));
+    let (size, cells) = (DVec3::new(1.0, 1.0, 0.5), UVec3::splat(8));
     let net = block(size.as_vec3(), cells);
     let areas = surface(size, cells);
-    for direction in DVec3::AXES {
-        let (modulus, ratio) = pulled(&net, &areas, 4.0, direction);
+    for direction in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE.normalize()] {
+        let (modulus, ratio) = pulled(&net, &areas, 0.5, direction);
         assert!((modulus / E - 1.0).abs() < 0.03, "{direction}: {modulus}");
         assert!((ratio - 0.25).abs() < 0.02, "{direction}: {ratio}");
     }
@@ -92,7 +92,7 @@ fn cells_that_are_no_cubes_make_the_same_jelly() {
 /// F l³ / (3 E I) + F l / (κ G A), κ = 10 (1 + ν) / (12 + 11 ν) (Cowper 1966), G = 2/5 E.
 #[test]
 fn a_slender_beam_bends_as_timoshenko_says() {
-    for count in [2, 4, 6] {
+    for count in [3, 4, 6] {
         let cells = UVec3::new(10 * count, count, count);
         let net = block(Vec3::new(10.0, 1.0, 1.0), cells);
         let mut beam = Statics::new(&net);
@@ -109,7 +109,7 @@ fn a_slender_beam_bends_as_timoshenko_says() {
         let tip = areas.iter().enumerate().filter(|(number, _)| net.positions[*number].x == 10.0);
         let found: f64 = tip.map(|(number, area)| displacements[number].y * area.x).sum();
         let expected = 1000.0 * 12.0 / (3.0 * E) + 10.0 * (12.0 + 2.75) / (12.5 * 0.4 * E);
-        assert!((found / expected - 1.0).abs() < 0.05, "{count} cells: {}", found / expected);
+        assert!((found / expected - 1.0).abs() < 0.01, "{count} cells: {}", found / expected);
     }
 }
 
