@@ -76,7 +76,7 @@ pub mod prelude {
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
     pub use crate::drag::ParticleDragPlugin;
-    pub use crate::environment::Environment;
+    pub use crate::environment::{Environment, Gusts};
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
     pub use crate::nets::{

@@ -7,9 +7,11 @@
 //!
 //! A new kind is one file, and one line in [`for_each_kind`].
 
+mod air;
 mod bend;
 mod element;
 mod failure;
+mod gas;
 mod spring;
 mod table;
 mod versions;
@@ -18,9 +20,13 @@ use bevy::math::DVec3;
 
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
+pub(super) use air::{Exposed, FacePush, FilamentPush, Push};
+pub use air::{Face, Filament};
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use failure::Plasticity;
+pub(super) use gas::{Enclosure, Gases};
+pub use gas::{Gas, GasReading, enclosed_volume};
 pub use spring::Spring;
 pub(super) use table::{Ramp, Table};
 use versions::Versions;
@@ -71,6 +77,8 @@ macro_rules! define_elements {
         #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
         pub(super) struct Elements {
             $($(#[$meta])* $kind: Table<$element, $ends>,)*
+            /// What they enclose: not of the kinds, as each acts on many particles.
+            gases: Gases,
             versions: Versions,
             sorted_particles: usize,
         }
@@ -202,6 +210,7 @@ macro_rules! define_elements {
             /// Renames the particles: `new_slots[old]` is the new slot of each.
             pub fn renumber(&mut self, new_slots: &[u32]) {
                 $($(#[$meta])* self.$kind.renumber(new_slots);)*
+                self.gases.renumber(new_slots);
                 self.versions.reset();
             }
 

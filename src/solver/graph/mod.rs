@@ -32,7 +32,7 @@ pub(super) use coupling::{Coupling, for_each_coupling};
 pub(super) use elimination::{BentNode, Elimination, Fill, NodeRun};
 pub(super) use exclusions::{Exclusions, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
-pub(super) use islands::{IslandSet, Islands, has_loops};
+pub(super) use islands::{Island, IslandSet, Islands, has_loops};
 pub(super) use limits::{LimitGroup, Limits};
 pub(super) use neighbours::Neighbours;
 pub(crate) use nets::Nets;

@@ -7,6 +7,7 @@
 
 mod accelerations;
 mod bends;
+mod in_air;
 
 use crate::solver::graph::Blocks;
 use crate::solver::graph::block::{Block, MIN_RUN};
@@ -14,6 +15,7 @@ use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::Field;
 use accelerations::block_accelerations;
+pub(super) use in_air::{CorrectInAir, PredictInAir};
 
 /// What the forces depend on: all particles, three arrays for each vector.
 #[derive(Clone, Copy)]
@@ -34,7 +36,7 @@ pub(super) struct Moved<'a> {
 pub(super) struct Accelerate<'a> {
     pub block: &'a Block,
     pub motion: Motion<'a>,
-    pub field: Field,
+    pub field: Field<'a>,
     pub acceleration: [&'a mut [f32]; 3],
 }
 
@@ -192,7 +194,7 @@ mod tests {
     use super::*;
     use crate::solver::elements::{Bend, Element, Elements, Holds, Spring};
 
-    const FIELD: Field = Field { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.2 };
+    const FIELD: Field = Field { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.2, air: None, gas: None };
 
     /// A strip of cloth of three blocks, a few springs and bends from anywhere to anywhere, and a pinned corner.
     fn net() -> (Particles, Elements, Blocks) {
@@ -349,7 +351,7 @@ mod tests {
         let (particles, blocks) = pair([Vec3::new(3.0, -2.0, 0.5), Vec3::new(-1.0, 0.3, 0.2)], 1.0, true);
         let mut acceleration = Vectors::default();
         acceleration.resize(2);
-        let field = Field { gravity: Vec3::ZERO, viscosity: 0.0 };
+        let field = Field { gravity: Vec3::ZERO, viscosity: 0.0, ..FIELD };
         evaluate(Motion::of(&particles), &blocks, field, &mut acceleration);
         assert_eq!(acceleration.get(0), -acceleration.get(1));
         assert!(acceleration.get(0).length() > 1.0);

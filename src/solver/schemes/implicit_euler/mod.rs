@@ -22,6 +22,7 @@ mod conjugate_gradient;
 mod contact;
 mod contacts;
 mod core;
+mod gas;
 mod island;
 mod linearised;
 mod newton;
@@ -79,7 +80,7 @@ struct Island {
 #[derive(Clone, Copy)]
 struct Step<'a> {
     elements: &'a Elements,
-    field: Field,
+    field: Field<'a>,
     /// Its duration, s.
     h: f64,
     obstacles: &'a Obstacles,
@@ -252,7 +253,8 @@ impl Island {
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
-        let pull = if system.contacts.may_rebound() { system.start_pull(elimination) } else { Vec::new() };
+        let pull =
+            if system.contacts.may_rebound() { system.start_pull(elimination, elements) } else { Vec::new() };
         let System { contacts, position, .. } = &mut *system;
         let rebounds = contacts.may_rebound() && contacts.begin_rebound(position, &pull, resting_speed, h);
         system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
