@@ -6,6 +6,7 @@
 mod air;
 mod ambiguity;
 mod breaking;
+mod bends;
 mod cables;
 mod caches;
 mod coincidence;
