@@ -26,6 +26,8 @@ mod triangle_mesh;
 mod weld;
 
 pub use balloon::{Balloon, BalloonShape};
+#[cfg(feature = "render")]
+pub use bevy_mesh::ATTRIBUTE_PIN;
 pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
