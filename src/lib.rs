@@ -48,6 +48,8 @@ pub mod parameter;
 pub mod particle;
 mod plugin;
 mod plugin_group;
+#[cfg(feature = "render")]
+pub mod render;
 pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
@@ -83,14 +85,16 @@ pub mod prelude {
     pub use crate::particle::{
         AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
     };
-    pub use crate::report::{ParticleFault, SpringForces, TickReport};
+    #[cfg(feature = "render")]
+    pub use crate::render::{MassSpringRenderPlugin, NetMesh, RopeMesh, RopeRibbon};
+    pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
     pub use crate::settings::{Dimensions, Integrator, OrphanedSprings, SolverSettings, SubstepMode};
     pub use crate::snapshot::{
         MassSpringState, RestoreInitialState, Snapshot, SnapshotError, TakeInitialState,
     };
-    pub use crate::spring::Spring;
+    pub use crate::spring::{Broken, Plasticity, Spring};
     pub use crate::teleport::Teleport;
     pub use crate::time_control::{SingleStep, SingleStepPlugin};
     pub use crate::{MassSpringPlugin, MassSpringPlugins, MassSpringSystems};

@@ -7,17 +7,17 @@ use bevy::prelude::*;
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
-use crate::report::{ParticleFault, SpringForces, TickReport};
+use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
 use crate::settings::{Dimensions, OrphanedSprings, SolverSettings};
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 use crate::sync;
 use crate::time_control::SingleStepPlugin;
 
 /// Mass-spring physics, beside `DefaultPlugins` or `MinimalPlugins`.
 ///
-/// It also adds [`SingleStepPlugin`], `MassSpringScenePlugin` (feature `scene`) and
-/// `MassSpringInterpolationPlugin` (feature `interpolation`), unless they were added before it.
+/// It also adds [`SingleStepPlugin`], `MassSpringScenePlugin` (feature `scene`), `MassSpringRenderPlugin` (feature
+/// `render`) and `MassSpringInterpolationPlugin` (feature `interpolation`), unless they were added before it.
 /// [`MassSpringPlugins`](crate::MassSpringPlugins) holds these and all others of the crate, each of which
 /// can be configured and disabled there.
 #[derive(Debug, Clone)]
@@ -67,6 +67,8 @@ impl MassSpringPlugin {
         add_once(app, SingleStepPlugin);
         #[cfg(feature = "scene")]
         add_once(app, crate::scene::MassSpringScenePlugin);
+        #[cfg(feature = "render")]
+        add_once(app, crate::render::MassSpringRenderPlugin);
         #[cfg(feature = "interpolation")]
         if self.interpolation != Some(false) {
             let headless = self.interpolation == Some(true);
@@ -112,6 +114,6 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, PlaneCollider)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
-        .register_type::<(TickReport, SpringForces, SimulationOrder)>()
+        .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
 }

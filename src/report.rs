@@ -34,6 +34,8 @@ pub struct TickReport {
     /// Particles [quarantined](crate::particle::Quarantined) since the app started or the initial
     /// state was restored.
     pub faults: usize,
+    /// Springs that broke since the app started or the initial state was restored.
+    pub broken: usize,
     /// Wall time of copying the components into the solver.
     pub gather_time: Duration,
     /// Wall time of the solver's step.
@@ -69,6 +71,26 @@ pub struct ParticleFault {
     pub particle: Entity,
     /// The tick in which it happened, counted as in [`TickReport::tick`].
     pub tick: u64,
+}
+
+/// A spring broke: its tension exceeded its breaking force.
+///
+/// It is triggered on the entity of the spring. There it exerts no force any more: it has the component
+/// [`Broken`](crate::spring::Broken).
+#[derive(EntityEvent, Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
+pub struct Broke {
+    /// The entity of the spring.
+    pub entity: Entity,
+    /// The tick in which it happened, counted as in [`TickReport::tick`].
+    pub tick: u64,
+    /// Its tension when it broke, N.
+    pub tension: f32,
+    /// The middle between its ends then, in world space, m.
+    pub point: Vec3,
 }
 
 /// The forces of all springs at the end of the last tick.

@@ -40,7 +40,45 @@ pub struct Spring {
     /// pulls at it, as far as its ends can be brought together. Finite and >= 0; 0 with no stiffness is a string that
     /// does not stretch. Default `None`: no limit.
     pub max_stretch: Option<f32>,
+    /// The tension in N, damper included, beyond which it breaks: it exerts no force any more, and gets [`Broken`].
+    /// Finite and >= 0. Default `None`: it never breaks.
+    ///
+    /// Of springs that hang together the one that is most overloaded breaks in a substep, and all that carry
+    /// twice their breaking force.
+    pub breaking_force: Option<f32>,
+    /// How it yields. Default `None`: it is elastic.
+    pub plasticity: Option<Plasticity>,
 }
+
+/// How a [`Spring`] yields: beyond a strain it stays longer, or shorter, than it was.
+///
+/// With the length l and the rest length l0 the elastic strain is l/l0 − 1 − p. It never exceeds the yield strain: the
+/// plastic strain p follows, up to its limit. (Perfect plasticity in one dimension, Simo and Hughes, *Computational
+/// Inelasticity*, 1998.)
+#[derive(Reflect, Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+pub struct Plasticity {
+    /// The elastic strain beyond which it yields, finite and >= 0. Default 0.
+    pub yield_strain: f32,
+    /// The largest plastic strain either way, finite and >= 0. Default 0. A spring is shortened by its whole rest
+    /// length at most.
+    pub max_strain: f32,
+    /// The plastic strain p, at most `max_strain` either way: without force the spring is (1 + p) rest lengths long.
+    /// Default 0; the simulation writes it when the spring has yielded.
+    pub strain: f32,
+}
+
+/// Marks a [`Spring`] that broke: it takes no part in the simulation.
+///
+/// The simulation inserts it together with the event [`Broke`](crate::Broke). Insert it to cut a spring; remove it to
+/// mend one.
+#[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+pub struct Broken;
 
 impl Spring {
     /// The stiffness that [`Spring::new`] gives, in N/m.
@@ -57,6 +95,8 @@ impl Spring {
             damping: Self::DEFAULT_DAMPING,
             tension_only: false,
             max_stretch: None,
+            breaking_force: None,
+            plasticity: None,
         }
     }
 
@@ -84,7 +124,19 @@ impl Spring {
         self
     }
 
-    /// Checks that rest length, stiffness, damping and strain limit are in their ranges.
+    /// The same spring with a breaking force, in N: see [`breaking_force`](Self::breaking_force).
+    pub const fn with_breaking_force(mut self, breaking_force: f32) -> Self {
+        self.breaking_force = Some(breaking_force);
+        self
+    }
+
+    /// The same spring, yielding beyond an elastic strain until it is strained by `max_strain`: see [`Plasticity`].
+    pub const fn with_plasticity(mut self, yield_strain: f32, max_strain: f32) -> Self {
+        self.plasticity = Some(Plasticity { yield_strain, max_strain, strain: 0.0 });
+        self
+    }
+
+    /// Checks that rest length, stiffness, damping, strain limit and what it bears are in their ranges.
     ///
     /// # Errors
     /// Names the field at fault.
@@ -92,6 +144,25 @@ impl Spring {
         parameter::non_negative("rest_length", self.rest_length)?;
         parameter::non_negative("stiffness", self.stiffness)?;
         parameter::non_negative("damping", self.damping)?;
-        self.max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))
+        self.max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))?;
+        self.breaking_force.map_or(Ok(()), |force| parameter::non_negative("breaking_force", force))?;
+        self.plasticity.map_or(Ok(()), |plasticity| plasticity.validate())
+    }
+}
+
+impl Plasticity {
+    /// Checks that the strains are in their ranges.
+    ///
+    /// # Errors
+    /// Names the field at fault.
+    pub fn validate(&self) -> Result<(), InvalidParameter> {
+        let Self { yield_strain, max_strain, strain } = *self;
+        parameter::non_negative("yield_strain", yield_strain)?;
+        parameter::non_negative("max_strain", max_strain)?;
+        if (-max_strain.min(1.0)..=max_strain).contains(&strain) {
+            return Ok(());
+        }
+        let expected = "a number within max_strain, and at least -1";
+        Err(InvalidParameter { field: "strain", value: format!("{strain:?}"), expected })
     }
 }

@@ -9,6 +9,8 @@ use crate::collider::CollisionSettings;
 use crate::environment::Environment;
 use crate::settings::{Integrator, SolverSettings, SubstepMode};
 
+use super::nets::SceneNet;
+
 /// The content of a scene file: settings, particles, springs and planes.
 ///
 /// [`from_ron`](Self::from_ron) and [`read`](Self::read) refuse bad values; a scene that was put
@@ -30,6 +32,9 @@ pub struct MassSpringScene {
     /// The springs. Optional in the file.
     #[serde(default)]
     pub springs: Vec<SceneSpring>,
+    /// The nets. Optional in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nets: Vec<SceneNet>,
     /// The solid half-spaces. Optional in the file.
     #[serde(default)]
     pub planes: Vec<ScenePlane>,
@@ -101,6 +106,9 @@ pub struct SceneSpring {
     /// The strain limit, finite and >= 0: never longer than (1 + this) rest lengths. Default none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_stretch: Option<f32>,
+    /// The tension in N beyond which it breaks, finite and >= 0. Default none: it never does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub breaking_force: Option<f32>,
 }
 
 fn is_false(value: &bool) -> bool {

@@ -84,6 +84,8 @@ impl MassSpringScene {
                     damping: spring.damping,
                     tension_only: spring.tension_only,
                     max_stretch: spring.max_stretch,
+                    breaking_force: spring.breaking_force,
+                    plasticity: None,
                 };
                 commands.spawn(component).id()
             })

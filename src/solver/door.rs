@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 
 use crate::solver::collision::Plane;
-use crate::solver::elements::{Bend, Elements, Holds, Spring};
+use crate::solver::elements::{Bend, Elements, Holds, Plasticity, Spring};
 use crate::solver::energy::{Measurements, measure};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::PinnedMotion;
@@ -326,7 +326,18 @@ fn check(spring: Spring) -> Result<(), SolverError> {
     non_negative("rest_length", spring.rest_length)?;
     non_negative("stiffness", spring.stiffness)?;
     non_negative("damping", spring.damping)?;
-    spring.max_stretch.map_or(Ok(()), |limit| non_negative("max_stretch", limit))
+    spring.max_stretch.map_or(Ok(()), |limit| non_negative("max_stretch", limit))?;
+    spring.breaking_force.map_or(Ok(()), |limit| non_negative("breaking_force", limit))?;
+    let Some(Plasticity { yield_strain, max_strain, strain }) = spring.plasticity else { return Ok(()) };
+    non_negative("yield_strain", yield_strain)?;
+    non_negative("max_strain", max_strain)?;
+    match (-max_strain.min(1.0)..=max_strain).contains(&strain) {
+        true => Ok(()),
+        false => {
+            let expected = "within max_strain, and at least -1";
+            Err(SolverError::OutOfRange { field: "strain", value: strain, expected })
+        }
+    }
 }
 
 /// Weights of up to four ends, each rounded to a part in 2^24 of the largest.

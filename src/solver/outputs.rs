@@ -7,6 +7,20 @@ use crate::solver::elements::{Elements, Enclosure, GasReading};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::stability::Plan;
 
+/// A spring that broke.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Broken {
+    /// Its number.
+    pub spring: usize,
+    /// Its tension when it broke, N.
+    pub tension: f32,
+    /// How much longer it was then than without force, m.
+    pub elongation: f32,
+    /// The middle between its ends then, m, as positions are measured.
+    pub point: Vec3,
+}
+
 /// What the last tick did, apart from the state that it left.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
@@ -28,6 +42,10 @@ pub struct Outputs {
     /// The slot of each pinned particle with springs or a gas, and the force with which these pull at it at the end of the
     /// tick, N; by slot.
     pub reactions: Vec<(usize, Vec3)>,
+    /// The springs that broke in the tick, in the order in which they did; they are removed.
+    pub broken: Vec<Broken>,
+    /// The springs that yielded in the tick, by their number.
+    pub(crate) yielded: Vec<u32>,
     /// Volume and pressure of each gas at the end of the tick.
     pub gases: Vec<GasReading>,
     /// Force on the particle in each slot: working memory.
@@ -42,6 +60,8 @@ impl Outputs {
         self.contacts.clear();
         self.tensions.clear();
         self.reactions.clear();
+        self.broken.clear();
+        self.yielded.clear();
     }
 
     /// Measures the gases.

@@ -184,7 +184,7 @@ impl State {
         if let Some(old) = self.spring(index).filter(|old| **old != spring) {
             let acts = |spring: &Spring| spring.stiffness > 0.0 || spring.damping > 0.0;
             let (did_act, acts) = (acts(old), acts(&spring));
-            self.may_coincide |= old.rest_length == 0.0 || !did_act;
+            self.may_coincide |= old.length_at_rest() == 0.0 || !did_act;
             if !(did_act && acts) {
                 // Else its parameters, and with them the pulls, go on from where they are.
                 self.forget_pulls(index);

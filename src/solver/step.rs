@@ -2,6 +2,7 @@
 
 use crate::solver::air::Air;
 use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
+use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
@@ -36,6 +37,7 @@ pub(crate) struct Caches {
     scratch: Scratch,
     contacts: ContactCaches,
     strain_limits: StrainLimits,
+    failures: Failures,
 }
 
 /// Advances `state` by one tick of `settings.time_step` seconds.
@@ -93,6 +95,7 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
+        caches.fail(state, outputs, plan, index);
     }
     caches.end_tick(state, plan);
     state.air_clock.advance(settings.wind, settings.time_step);
@@ -164,10 +167,48 @@ impl Caches {
         }
     }
 
+    /// Removes the springs that broke in the substep of this `index`, and changes those that yielded.
+    fn fail(&mut self, state: &mut State, outputs: &mut Outputs, plan: Plan, index: u32) {
+        if !self.failures.any() {
+            return;
+        }
+        let ends_step = plan.begins_implicit_step(index + 1);
+        self.solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
+        let (islands, stiff) = self.planner.stiff_islands();
+        let is_between = plan.stiff_substeps > 0 && !ends_step;
+        let State { particles, elements, pulls, contacts, .. } = state;
+        let in_step = |slot: usize| is_between && stiff.contains(islands, particles, slot);
+        self.failures.find(elements, particles, &self.tensions, in_step);
+        let Failures { broken, yielded, .. } = &self.failures;
+        if broken.is_empty() && yielded.is_empty() {
+            return;
+        }
+        broken.iter().for_each(|broken| elements.break_spring(broken.spring as u32));
+        yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
+        for spring in broken
+            .iter()
+            .map(|broken| broken.spring)
+            .chain(yielded.iter().map(|(spring, _)| *spring as usize))
+        {
+            let (ends, parameters) = elements.springs().with_ends(spring);
+            ends.into_iter().for_each(|end| pulls.forget(end));
+            if !plan.integrator.is_implicit() {
+                self.blocks.set_parameters(spring, parameters);
+            }
+        }
+        outputs.broken.extend_from_slice(broken);
+        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
+        self.scratch.disturb();
+        if !broken.is_empty() {
+            contacts.request_search();
+            self.strain_limits.prepare(elements, particles);
+        }
+    }
+
     fn end_tick(&mut self, state: &mut State, plan: Plan) {
         self.contacts.end_tick(&mut state.contacts);
         if state.elements.any_ramps() && !plan.integrator.is_implicit() {
-            self.blocks.ramp_to(state.elements.springs(), 1.0);
+            self.blocks.ramp_to(&state.elements, 1.0);
         }
         state.elements.end_ramps();
     }
@@ -177,6 +218,7 @@ impl Caches {
         let State { particles, elements, pulls, .. } = state;
         self.scratch.begin_tick(particles.len());
         self.strain_limits.prepare(elements, particles);
+        self.failures.prepare(elements, particles, || self.planner.refresh_islands(elements, particles));
         let is_divided = plan.stiff_substeps > 0;
         if is_divided || plan.integrator == Integrator::TrBdf2 {
             pulls.begin_tick(particles.len());
@@ -257,7 +299,7 @@ impl Caches {
         if has_ramps {
             elements.ramp_to(pinned.elapsed);
             if !plan.integrator.is_implicit() {
-                blocks.ramp_to(elements.springs(), elapsed);
+                blocks.ramp_to(elements, elapsed);
             }
         }
         let net = Net { elements, colouring, field, pinned, surroundings, elapsed };

@@ -15,13 +15,13 @@ impl Assignment<'_, '_, '_, '_, '_> {
     /// Takes over a state that was put back.
     pub(super) fn adopt(&mut self) {
         self.adopt_particles();
-        let disabled = self.adopt_springs();
+        let absent = self.adopt_springs();
         self.adopt_planes();
         self.register_unknown();
         self.complete_initial_state();
         self.simulation.fresh.clear();
         self.simulation.fresh.resize(self.state.particles.slots.len(), false);
-        disabled.into_iter().for_each(|spring| self.suspend(spring));
+        absent.into_iter().for_each(|spring| self.suspend(spring));
         self.copy_all_springs();
     }
 
@@ -44,18 +44,20 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.state.is_outdated |= is_outdated;
     }
 
-    /// Returns the springs with a slot that are disabled by now.
+    /// Returns the springs with a slot that are disabled or broken by now.
     fn adopt_springs(&mut self) -> Vec<Entity> {
         let springs = &mut self.candidates.springs;
         springs.iter_mut().for_each(|(.., mut slot)| *slot = Slot::default());
-        let mut disabled = Vec::new();
+        let mut absent = Vec::new();
         self.state.springs.adopt(|entry, slot, _| {
-            let Ok((_, is_disabled, mut to)) = springs.get_mut(entry.entity) else { return false };
+            let Ok((_, (is_disabled, is_broken), mut to)) = springs.get_mut(entry.entity) else {
+                return false;
+            };
             entry.assign(&mut *to, slot);
-            disabled.extend((is_disabled && slot.is_some()).then_some(entry.entity));
+            absent.extend(((is_disabled || is_broken) && slot.is_some()).then_some(entry.entity));
             true
         });
-        disabled
+        absent
     }
 
     fn adopt_planes(&mut self) {

@@ -37,7 +37,7 @@ use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
 use crate::solver::{Caches, Inputs, Outputs, Version};
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 
 use registry::Slot;
 pub(crate) use relocate::{Scope, relocate};
@@ -80,6 +80,8 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(state::unregister::<Spring>)
         .add_observer(state::mark_outdated::<Add, Quarantined>)
         .add_observer(state::mark_outdated::<Remove, Quarantined>)
+        .add_observer(state::note_broken)
+        .add_observer(state::mark_outdated::<Remove, Broken>)
         .add_observer(state::mark_outdated::<Add, Disabled>)
         .add_observer(state::mark_outdated::<Remove, Disabled>)
         .add_observer(state::mark_outdated::<Insert, SimulationOrder>)

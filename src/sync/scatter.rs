@@ -11,10 +11,11 @@ use bevy::prelude::*;
 
 use crate::collider::Contact;
 use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
-use crate::report::{ParticleFault, SpringForces, TickReport};
+use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
 use crate::settings::Dimensions;
 use crate::solver::particles::Particles;
-use crate::solver::{ContactPartner, ContactRecord, Outputs, parallel};
+use crate::solver::{self, ContactPartner, ContactRecord, Outputs, parallel};
+use crate::spring::{Broken, Spring};
 
 use super::Simulation;
 use super::gather::{Gathered, MIN_SHARED, ROWS};
@@ -55,6 +56,7 @@ pub(super) fn scatter(
     let view = View::new(state.solver.origin, *dimensions);
     scatter_particles(&state.solver.particles, view, &mut gathered, &mut queries, &parents);
     publications.report_faults(&state, &mut gathered.faults, &mut report);
+    publications.report_failures(&state, &simulation.outputs, &mut report);
     if let Some(messages) = &mut publications.contacts {
         messages.write_batch(merged_contacts(&simulation.outputs, &state, &planes.0));
     }
@@ -154,6 +156,7 @@ pub(super) struct Publications<'w, 's> {
     faults: MessageWriter<'w, ParticleFault>,
     contacts: Option<ResMut<'w, Messages<Contact>>>,
     forces: Option<ResMut<'w, SpringForces>>,
+    springs: Query<'w, 's, &'static mut Spring>,
 }
 
 impl Publications<'_, '_> {
@@ -169,6 +172,28 @@ impl Publications<'_, '_> {
             self.faults.write(ParticleFault { particle, tick: report.tick });
             self.commands.entity(particle).try_insert(Quarantined);
             report.faults += 1;
+        }
+    }
+}
+
+impl Publications<'_, '_> {
+    /// Publishes which springs broke, and writes how far others have yielded.
+    fn report_failures(&mut self, state: &MassSpringState, outputs: &Outputs, report: &mut TickReport) {
+        for broken in &outputs.broken {
+            let entity = state.springs.slots[broken.spring];
+            let (tick, tension, point) = (report.tick, broken.tension, broken.point + state.solver.origin);
+            self.commands.entity(entity).try_insert(Broken);
+            self.commands.trigger(Broke { entity, tick, tension, point });
+            report.broken += 1;
+        }
+        for &slot in &outputs.yielded {
+            let strain = state.solver.spring(slot as usize).and_then(|spring| spring.plasticity);
+            let spring = self.springs.get_mut(state.springs.slots[slot as usize]);
+            if let (Some(solver::Plasticity { strain, .. }), Ok(mut spring)) = (strain, spring)
+                && let Some(plasticity) = &mut spring.plasticity
+            {
+                plasticity.strain = strain;
+            }
         }
     }
 }

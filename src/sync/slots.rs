@@ -10,7 +10,7 @@ use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
 use crate::solver;
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 
 use super::Simulation;
 use super::registry::{Entry, Slot};
@@ -32,7 +32,7 @@ pub(super) type ParticleData = (
     &'static mut Slot<Particle>,
 );
 
-type SpringData = (&'static Spring, Has<Disabled>, &'static mut Slot<Spring>);
+type SpringData = (&'static Spring, (Has<Disabled>, Has<Broken>), &'static mut Slot<Spring>);
 
 type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
 
@@ -90,7 +90,7 @@ pub(super) fn refresh_slots(
     state.is_outdated |= state.springs.is_fragmented(MAX_FRAGMENTATION);
     if state.is_outdated {
         assignment.assign_all();
-    } else if state.particles.pending() + state.springs.pending() > 0 || edits.retry {
+    } else if state.particles.pending() + state.springs.pending() + state.broken.len() > 0 || edits.retry {
         assignment.update(&edits);
     }
     if !assignment.state.despawned.is_empty() {
@@ -113,6 +113,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         state.is_outdated = false;
         state.excluded.clear();
         state.pending.clear();
+        state.broken.clear();
         self.simulation.fresh.clear();
         let old_entities = std::mem::take(&mut state.particles.slots);
         let old_positions = state.solver.particles.position.clone();
@@ -178,6 +179,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
         }
         for slot in std::mem::take(&mut self.state.springs.removed) {
             self.remove_spring(slot as usize);
+        }
+        for spring in std::mem::take(&mut self.state.broken) {
+            self.suspend(spring);
         }
         for &spring in &edits.relinked {
             self.suspend(spring);
@@ -289,7 +293,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     /// Gives a spring a slot, or leaves it pending.
     fn add_spring(&mut self, entity: Entity) {
         let Candidates { particles, springs, .. } = &mut self.candidates;
-        let Ok((spring, is_disabled, mut slot)) = springs.get_mut(entity) else { return };
+        let Ok((spring, (is_disabled, is_broken), mut slot)) = springs.get_mut(entity) else { return };
         if slot.get().is_some() {
             return;
         }
@@ -299,7 +303,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             commands.entity(entity).try_despawn();
             return;
         }
-        if is_disabled {
+        if is_disabled || is_broken {
             self.state.pending.push(entity);
             return;
         }

@@ -7,7 +7,7 @@ use crate::collider::PlaneCollider;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::TickReport;
 use crate::solver::Measurements;
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 
 use super::easing;
 use super::state::MassSpringState;
@@ -37,10 +37,19 @@ use super::state::MassSpringState;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Snapshot {
     particles: Vec<ParticleRecord>,
-    springs: Vec<(Entity, Spring)>,
+    springs: Vec<SpringRecord>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
+}
+
+/// The components of a spring.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+struct SpringRecord {
+    entity: Entity,
+    spring: Spring,
+    is_broken: bool,
 }
 
 /// The components of a particle.
@@ -91,7 +100,7 @@ impl Snapshot {
         let particles = state.particles.entities();
         let particles = particles.filter_map(|entity| ParticleRecord::of(world, entity)).collect();
         let springs = state.springs.entities();
-        let springs = springs.filter_map(|entity| Some((entity, *world.get::<Spring>(entity)?))).collect();
+        let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
         let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
         Self { particles, springs, planes, state: Some(state.clone()) }
     }
@@ -99,7 +108,8 @@ impl Snapshot {
     /// Puts all particles, springs and planes of the snapshot back that still exist, and the solver with them.
     ///
     /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
-    /// planes return to what they were; particles that were quarantined since come back. Entities that were
+    /// planes return to what they were; particles that were quarantined and springs that broke
+    /// since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
     /// spawned.
     ///
@@ -143,7 +153,7 @@ impl Snapshot {
     }
 
     fn spring_entities(&self) -> Vec<Entity> {
-        self.springs.iter().map(|(entity, _)| *entity).collect()
+        self.springs.iter().map(|record| record.entity).collect()
     }
 
     fn plane_entities(&self) -> Vec<Entity> {
@@ -159,11 +169,7 @@ impl Snapshot {
                 record.restore(&mut entity);
             }
         }
-        for (entity, recorded) in springs {
-            if let Some(mut spring) = world.get_mut::<Spring>(entity) {
-                spring.set_if_neq(recorded);
-            }
-        }
+        springs.iter().for_each(|record| record.restore(world));
         planes.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
@@ -175,9 +181,9 @@ impl Snapshot {
 impl MapEntities for Snapshot {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
         self.particles.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
-        for (entity, spring) in &mut self.springs {
-            *entity = mapper.get_mapped(*entity);
-            spring.map_entities(mapper);
+        for record in &mut self.springs {
+            record.entity = mapper.get_mapped(record.entity);
+            record.spring.map_entities(mapper);
         }
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
@@ -224,6 +230,21 @@ fn set_marker<T: Component>(entity: &mut EntityWorldMut, marker: T, is_present: 
     };
 }
 
+impl SpringRecord {
+    fn of(world: &World, entity: Entity) -> Option<Self> {
+        let entity = world.get_entity(entity).ok()?;
+        Some(Self { entity: entity.id(), spring: *entity.get()?, is_broken: entity.contains::<Broken>() })
+    }
+
+    fn restore(&self, world: &mut World) {
+        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
+        if let Some(mut spring) = entity.get_mut::<Spring>() {
+            spring.set_if_neq(self.spring);
+            set_marker(&mut entity, Broken, self.is_broken);
+        }
+    }
+}
+
 impl PlaneRecord {
     fn of(world: &World, entity: Entity) -> Option<Self> {
         let transform = world.get::<Transform>(entity)?;
@@ -250,7 +271,7 @@ impl InitialState {
     pub fn entities(&self) -> EntityHashSet {
         let Snapshot { particles, springs, planes, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
-        let springs = springs.iter().map(|(entity, _)| *entity);
+        let springs = springs.iter().map(|record| record.entity);
         particles.chain(springs).chain(planes.iter().map(|record| record.entity)).collect()
     }
 
@@ -277,7 +298,7 @@ impl InitialState {
     }
 
     pub fn record_spring(&mut self, entity: Entity, spring: Spring) {
-        self.0.springs.push((entity, spring));
+        self.0.springs.push(SpringRecord { entity, spring, is_broken: false });
     }
 
     pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {

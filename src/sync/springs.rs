@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use crate::parameter::InvalidParameter;
 use crate::particle::Particle;
 use crate::solver;
-use crate::spring::Spring;
+use crate::spring::{Plasticity, Spring};
 
 use super::Simulation;
 use super::registry::Slot;
@@ -83,8 +83,11 @@ pub(super) fn copy_spring(
 }
 
 pub(super) fn parameters(spring: &Spring) -> solver::Spring {
-    let Spring { rest_length, stiffness, damping, tension_only, max_stretch, .. } = *spring;
-    solver::Spring { rest_length, stiffness, damping, tension_only, max_stretch }
+    let Spring { rest_length, stiffness, damping, tension_only, max_stretch, breaking_force, .. } = *spring;
+    let plasticity = spring.plasticity.map(|Plasticity { yield_strain, max_strain, strain }| {
+        solver::Plasticity { yield_strain, max_strain, strain }
+    });
+    solver::Spring { rest_length, stiffness, damping, tension_only, max_stretch, breaking_force, plasticity }
 }
 
 /// What can be wrong with a spring.

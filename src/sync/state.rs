@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use crate::collider::PlaneCollider;
 use crate::particle::Particle;
 use crate::solver::{Pose, State, Version};
-use crate::spring::Spring;
+use crate::spring::{Broken, Spring};
 
 use super::Simulation;
 use super::registry::{Registry, Slot};
@@ -20,7 +20,7 @@ use super::registry::{Registry, Slot};
 ///
 /// Rollback libraries and save games store a clone of it together with the components [`Particle`],
 /// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
-/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`PlaneCollider`] and
+/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`PlaneCollider`] and
 /// `Transform` (that of parents, too). With all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
@@ -38,6 +38,8 @@ pub struct MassSpringState {
     pub(super) excluded: Vec<Entity>,
     /// Springs that wait for an end, to be corrected or enabled.
     pub(super) pending: Vec<Entity>,
+    /// Springs that broke since the last tick.
+    pub(super) broken: Vec<Entity>,
     /// Particles that were despawned since the last tick.
     pub(super) despawned: EntityHashSet,
     pub(super) solver: State,
@@ -87,6 +89,7 @@ impl MapEntities for MassSpringState {
             .map(|plane| &mut plane.entity)
             .chain(&mut self.excluded)
             .chain(&mut self.pending)
+            .chain(&mut self.broken)
         {
             *entity = mapper.get_mapped(*entity);
         }
@@ -185,6 +188,19 @@ pub(super) fn unregister<T: Registered>(
 /// Takes note that a particle is despawned: its springs go with it.
 pub(super) fn note_despawned(despawned: On<Despawn, Particle>, mut state: ResMut<MassSpringState>) {
     state.despawned.insert(despawned.entity);
+}
+
+/// Takes note that a spring broke: its slot is emptied in the next tick.
+pub(super) fn note_broken(
+    broken: On<Add, Broken>,
+    mut state: ResMut<MassSpringState>,
+    mut simulation: ResMut<Simulation>,
+    springs: Query<(), (With<Slot<Spring>>, Allow<Disabled>)>,
+) {
+    if springs.contains(broken.entity) {
+        touch(&mut state, &mut simulation);
+        state.broken.push(broken.entity);
+    }
 }
 
 /// Takes note that the slots depend on what has just happened to `T`: [`Add`], [`Insert`] or [`Remove`].

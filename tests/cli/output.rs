@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::workplace::{Row, Workplace, errors, rows, shipped, status};
 
-const KEYS: [&str; 18] = [
+const KEYS: [&str; 19] = [
     "particles",
     "springs",
     "ticks",
@@ -27,6 +27,7 @@ const KEYS: [&str; 18] = [
     "milliseconds_per_tick",
     "milliseconds_per_step",
     "state_hash",
+    "broken",
 ];
 
 #[test]

@@ -4,8 +4,7 @@ use bevy::math::Vec3;
 use bevy_mass_spring::solver::{Integrator, Solver, Spring, StepSettings, SubstepMode};
 
 const GRAVITY: f32 = 9.81;
-const CABLE: Spring =
-    Spring { rest_length: 2.0, stiffness: 400.0, damping: 0.0, tension_only: true, max_stretch: None };
+const CABLE: Spring = Spring { tension_only: true, ..Spring::elastic(2.0, 400.0, 0.0) };
 
 fn settings(integrator: Integrator, substeps: u32) -> StepSettings {
     StepSettings { integrator, substeps: SubstepMode::Fixed(substeps), ..StepSettings::default() }

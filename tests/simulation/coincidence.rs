@@ -5,8 +5,7 @@ use bevy_mass_spring::solver::{Integrator, Solver, Spring, StepSettings, Substep
 
 use crate::common::bodies::{positions, velocities};
 
-const LINK: Spring =
-    Spring { rest_length: 0.1, stiffness: 200.0, damping: 0.5, tension_only: false, max_stretch: None };
+const LINK: Spring = Spring::elastic(0.1, 200.0, 0.5);
 
 fn settings(integrator: Integrator) -> StepSettings {
     StepSettings {

@@ -3,10 +3,8 @@
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{Integrator, PinnedMotion, Solver, Spring, StepSettings, SubstepMode};
 
-const SOFT: Spring =
-    Spring { rest_length: 0.1, stiffness: 1e3, damping: 0.4, tension_only: false, max_stretch: None };
-const STIFF: Spring =
-    Spring { rest_length: 0.1, stiffness: 1e8, damping: 0.4, tension_only: false, max_stretch: None };
+const SOFT: Spring = Spring::elastic(0.1, 1e3, 0.4);
+const STIFF: Spring = Spring::elastic(0.1, 1e8, 0.4);
 
 /// What hangs from an anchor.
 #[derive(Debug, Clone, Copy)]

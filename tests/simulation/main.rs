@@ -5,6 +5,7 @@
 
 mod air;
 mod ambiguity;
+mod breaking;
 mod cables;
 mod caches;
 mod coincidence;

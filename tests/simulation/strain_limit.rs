@@ -3,8 +3,7 @@
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{Integrator, Solver, Spring, StepSettings, SubstepMode};
 
-const LINK: Spring =
-    Spring { rest_length: 0.1, stiffness: 1e3, damping: 0.5, tension_only: false, max_stretch: Some(0.1) };
+const LINK: Spring = Spring { max_stretch: Some(0.1), ..Spring::elastic(0.1, 1e3, 0.5) };
 
 /// The limits hold to this part in nets without loops: some roundings of f32.
 const EXACT: f64 = 1e-5;

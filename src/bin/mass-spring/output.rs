@@ -31,6 +31,8 @@ pub struct Summary {
     pub milliseconds_per_tick: f32,
     pub milliseconds_per_step: f32,
     pub state_hash: String,
+    /// Springs broken since the start.
+    pub broken: usize,
 }
 
 /// A file or stdout, opened for writing.

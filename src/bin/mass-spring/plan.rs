@@ -15,8 +15,9 @@ pub fn solver(scene: &MassSpringScene, state: impl Fn(usize) -> [Vec3; 2]) -> So
     }
     for spring in &scene.springs {
         let rest_length = scene.rest_length(spring).unwrap_or_default();
-        let SceneSpring { stiffness, damping, tension_only, max_stretch, .. } = *spring;
-        let parameters = Spring { rest_length, stiffness, damping, tension_only, max_stretch };
+        let SceneSpring { stiffness, damping, tension_only, max_stretch, breaking_force, .. } = *spring;
+        let elastic = Spring::elastic(rest_length, stiffness, damping);
+        let parameters = Spring { tension_only, max_stretch, breaking_force, ..elastic };
         solver.add_spring(spring.particles.into(), parameters).expect("the scene is valid");
     }
     solver

@@ -103,7 +103,9 @@ struct Costs {
 fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs: Costs) -> Summary {
     let states = simulation.states();
     let state = |index: usize| [states[index].position, states[index].velocity];
-    let totals = solver(scene, state).measure(scene.environment.effective_gravity());
+    let mut last = solver(scene, state);
+    simulation.broken_springs().for_each(|spring| last.remove_spring(spring));
+    let totals = last.measure(scene.environment.effective_gravity());
     let report = simulation.report();
     let (integrator, substeps) = if report.tick == 0 {
         let plan = plan(scene, &mut initial_solver(scene));
@@ -131,6 +133,7 @@ fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs
         milliseconds_per_tick: median(costs.updates),
         milliseconds_per_step: median(costs.steps),
         state_hash: state_hash(&states),
+        broken: report.broken,
     }
 }
 

@@ -103,6 +103,13 @@ impl Simulation {
         ComputeTaskPool::get().thread_num()
     }
 
+    /// The springs that broke, by their index in the scene.
+    pub fn broken_springs(&self) -> impl Iterator<Item = usize> {
+        let is_broken = |spring: &Entity| self.app.world().get::<Broken>(*spring).is_some();
+        let springs = self.spawned.springs.iter().enumerate();
+        springs.filter(move |(_, spring)| is_broken(spring)).map(|(index, _)| index)
+    }
+
     /// The state of all particles, by their index in the scene.
     pub fn states(&self) -> Vec<ParticleState> {
         let world = self.app.world();

@@ -256,8 +256,7 @@ mod tests {
     use crate::solver::settings::{Integrator, StepSettings};
 
     /// Longer than the radii: it excludes no pair.
-    const LONG: Spring =
-        Spring { rest_length: 1.8, stiffness: 1.0, damping: 0.0, tension_only: false, max_stretch: None };
+    const LONG: Spring = Spring::elastic(1.8, 1.0, 0.0);
 
     fn row(spacing: f32, count: usize) -> Particles {
         let mut particles = Particles::default();

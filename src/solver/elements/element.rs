@@ -39,6 +39,11 @@ pub(in crate::solver) trait Element<const N: usize>:
         None
     }
 
+    /// Whether it may break or yield.
+    fn may_fail(&self) -> bool {
+        false
+    }
+
     /// The element on the way from this one to `other`, of which `share` is done. One that knows no way is there
     /// at once.
     fn between(&self, other: &Self, _share: f32) -> Self {

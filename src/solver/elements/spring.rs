@@ -2,7 +2,7 @@
 
 use bevy::math::{DVec3, Vec3};
 
-use super::{Element, Potential, Rates};
+use super::{Element, Plasticity, Potential, Rates};
 
 /// The parameters of a damped spring between two particles; those of the default are zero: it exerts no force.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -19,6 +19,19 @@ pub struct Spring {
     pub tension_only: bool,
     /// The strain limit: it is never longer than (1 + this) · l0 at the end of a tick; finite and >= 0.
     pub max_stretch: Option<f32>,
+    /// The tension, damper included, beyond which it breaks: it is removed at the end of the substep. In N, finite
+    /// and >= 0; `None`: never.
+    pub breaking_force: Option<f32>,
+    /// How it yields; `None`: not at all.
+    pub plasticity: Option<Plasticity>,
+}
+
+impl Spring {
+    /// An elastic spring: rest length in m, stiffness in N/m, damping in N·s/m.
+    pub const fn elastic(rest_length: f32, stiffness: f32, damping: f32) -> Self {
+        let (tension_only, max_stretch, breaking_force, plasticity) = (false, None, None, None);
+        Self { rest_length, stiffness, damping, tension_only, max_stretch, breaking_force, plasticity }
+    }
 }
 
 impl Element<2> for Spring {
@@ -33,13 +46,14 @@ impl Element<2> for Spring {
     fn pull(&self, separation: Vec3, rate: Vec3) -> Vec3 {
         let length = separation.length();
         let direction = separation * if length == 0.0 { 0.0 } else { 1.0 / length };
-        let tension = self.stiffness * (length - self.rest_length) + self.damping * rate.dot(direction);
-        let is_slack = self.tension_only && (length <= self.rest_length || tension < 0.0);
+        let rest_length = self.length_at_rest();
+        let tension = self.stiffness * (length - rest_length) + self.damping * rate.dot(direction);
+        let is_slack = self.tension_only && (length <= rest_length || tension < 0.0);
         direction * if is_slack { 0.0 } else { -tension }
     }
 
     fn tension(&self, separation: DVec3, rate: DVec3) -> f64 {
-        let (length, rest_length) = (separation.length(), f64::from(self.rest_length));
+        let (length, rest_length) = (separation.length(), self.rest_length());
         let speed = if length > 0.0 { rate.dot(separation) / length } else { 0.0 };
         let tension = f64::from(self.stiffness) * (length - rest_length) + f64::from(self.damping) * speed;
         let is_slack = self.tension_only && (length <= rest_length || tension < 0.0);
@@ -47,7 +61,7 @@ impl Element<2> for Spring {
     }
 
     fn energy(&self, separation: DVec3) -> f64 {
-        let elongation = separation.length() - f64::from(self.rest_length);
+        let elongation = separation.length() - self.rest_length();
         let elongation = if self.tension_only { elongation.max(0.0) } else { elongation };
         0.5 * f64::from(self.stiffness) * elongation * elongation
     }
@@ -57,7 +71,7 @@ impl Element<2> for Spring {
     /// pulls is extended from l0 on, so that its force begins with 0.
     #[inline]
     fn potential(&self, start: DVec3, step: f64) -> Potential {
-        let (stiffness, rest_length) = (f64::from(self.stiffness), f64::from(self.rest_length));
+        let (stiffness, rest_length) = (f64::from(self.stiffness), self.rest_length());
         let damping_rate = f64::from(self.damping) / step;
         let sum = stiffness + damping_rate;
         let start = start.length();
@@ -76,7 +90,7 @@ impl Element<2> for Spring {
 
     #[inline]
     fn rest_length(&self) -> f64 {
-        self.rest_length.into()
+        self.length_at_rest().into()
     }
 
     #[inline]
@@ -86,6 +100,10 @@ impl Element<2> for Spring {
 
     fn max_stretch(&self) -> Option<f32> {
         self.max_stretch
+    }
+
+    fn may_fail(&self) -> bool {
+        self.breaking_force.is_some() || self.plasticity.is_some()
     }
 
     fn between(&self, other: &Self, share: f32) -> Self {
@@ -108,8 +126,7 @@ impl Element<2> for Spring {
 mod tests {
     use super::*;
 
-    const SPRING: Spring =
-        Spring { rest_length: 1.0, stiffness: 200.0, damping: 3.0, tension_only: false, max_stretch: None };
+    const SPRING: Spring = Spring::elastic(1.0, 200.0, 3.0);
 
     #[test]
     fn a_stretched_spring_pulls_its_ends_together() {

@@ -90,6 +90,16 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
         old
     }
 
+    /// Changes an element within a tick; if it is on a ramp, both ends of that.
+    pub(super) fn replace(&mut self, index: u32, change: impl Fn(&mut E)) {
+        self.edits.push(index);
+        change(&mut self.elements[index as usize]);
+        for ramp in self.ramps.iter_mut().filter(|ramp| ramp.index == index) {
+            change(&mut ramp.from);
+            change(&mut ramp.to);
+        }
+    }
+
     /// Takes it that an element had the parameters `past` when the last tick ended.
     pub(super) fn set_past(&mut self, index: usize, past: E) {
         self.ramps.push(Ramp { index: index as u32, from: past, to: self.elements[index] });

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::bend_runs::BendRuns;
 use crate::solver::elements::{Bend, Spring, Table, for_each_kind};
 
 /// Runs shorter than this are loose: a vector would not be filled.
@@ -58,6 +59,7 @@ pub(in crate::solver) struct Block {
     pub damping: Vec<f32>,
     /// The springs in runs, then the loose ones.
     pub springs: Vec<u32>,
+    pub bends: BendRuns,
     pub loose: LooseElements,
 }
 
@@ -86,7 +88,7 @@ impl Block {
             return;
         };
         let Spring { stiffness, damping, .. } = spring;
-        *rest_length = spring.rest_length;
+        *rest_length = spring.length_at_rest();
         self.stiffness[index] = stiffness;
         self.damping[index] = damping;
         let run = self.runs.partition_point(|run| run.start as usize <= index) - 1;
@@ -118,8 +120,8 @@ impl Block {
                 material: is_uniform.then(|| material(&group[0])),
             });
             for entry in group {
-                let Spring { rest_length, stiffness, damping, .. } = spring_of(entry);
-                self.rest_length.push(rest_length);
+                let Spring { stiffness, damping, .. } = spring_of(entry);
+                self.rest_length.push(spring_of(entry).length_at_rest());
                 self.stiffness.push(stiffness);
                 self.damping.push(damping);
                 self.springs.push(entry.spring);

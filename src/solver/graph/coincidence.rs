@@ -73,8 +73,8 @@ fn find(elements: &Elements, particles: &Particles) -> (Vec<Knot>, Vec<bool>) {
         let is_pinned = particles.is_pinned(first) && particles.is_pinned(second);
         if particles.position.get(first) != particles.position.get(second) {
             (is_held[first], is_held[second]) = (true, true);
-        } else if spring.rest_length > 0.0 && !is_pinned {
-            knots.push(Knot { ends, rest_length: spring.rest_length });
+        } else if spring.length_at_rest() > 0.0 && !is_pinned {
+            knots.push(Knot { ends, rest_length: spring.length_at_rest() });
         }
     });
     (knots, is_held)

@@ -59,7 +59,7 @@ impl Exclusions {
             for (&[first, second], spring) in pairs.clone() {
                 let reach = radius[first as usize] + radius[second as usize];
                 let acts = spring.stiffness > 0.0 || spring.damping > 0.0;
-                if acts && overlap_at_rest(f64::from(spring.rest_length), reach) {
+                if acts && overlap_at_rest(f64::from(spring.length_at_rest()), reach) {
                     add(first.min(second) as usize, first.max(second));
                 }
             }

@@ -127,8 +127,7 @@ mod tests {
     use super::*;
     use crate::solver::elements::Spring;
 
-    const SPRING: Spring =
-        Spring { rest_length: 1.0, stiffness: 1.0, damping: 0.0, tension_only: false, max_stretch: None };
+    const SPRING: Spring = Spring::elastic(1.0, 1.0, 0.0);
 
     /// A cloth of `width` × `width`, its particles numbered by `slot_of`.
     fn cloth(width: usize, slot_of: impl Fn(usize) -> usize) -> Elements {

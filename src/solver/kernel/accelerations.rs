@@ -2,6 +2,7 @@
 
 use bevy::math::Vec3;
 
+use super::bends::add_all_bends;
 use super::{Motion, in_vectors};
 use crate::solver::elements::{Bend, Element, Spring, for_each_kind};
 use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
@@ -9,10 +10,10 @@ use crate::solver::settings::Field;
 
 /// Springs computed before their forces are added: enough that the additions do not wait for the
 /// stores of those before.
-const CHUNK: usize = 64;
+pub(super) const CHUNK: usize = 64;
 
 /// Springs computed together: a vector of AVX2.
-const LANES: usize = MIN_RUN;
+pub(super) const LANES: usize = MIN_RUN;
 
 /// Forces of the springs of a chunk, from index `LANES`, with zeros on both sides.
 struct Forces([[f32; LANES + CHUNK + LANES + LANES]; 3]);
@@ -57,6 +58,7 @@ pub(super) fn block_accelerations(
         }
     }
     add_runs(block, motion, &mut force, block.slots.start);
+    add_all_bends(block, motion, &mut force);
     add_all_loose(block, motion, &mut force);
     // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.
@@ -190,7 +192,7 @@ fn run_forces<const TENSION_ONLY: bool>(
                 stiffness: stiffness[lane],
                 damping: damping[lane],
                 tension_only: TENSION_ONLY,
-                max_stretch: None,
+                ..Spring::elastic(0.0, 0.0, 0.0)
             };
             let pull = spring
                 .pull(between(&lower_position, &upper_position), between(&lower_velocity, &upper_velocity));

@@ -79,7 +79,7 @@ impl Stage<'_> {
     fn ramp_to(&mut self, share: f32) {
         let [start, end] = self.elapsed;
         let elapsed = if share == 1.0 { end } else { start + share * (end - start) };
-        self.blocks.ramp_to(self.elements.springs(), elapsed);
+        self.blocks.ramp_to(self.elements, elapsed);
     }
 
     /// Evaluates the accelerations at the present state.

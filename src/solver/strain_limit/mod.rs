@@ -121,7 +121,7 @@ fn load(group: &LimitGroup, particles: &Particles, [position, velocity]: [&mut V
 /// The limit of the length of a spring, m.
 fn limit(elements: &Elements, spring: u32) -> f64 {
     let spring = elements.springs().elements()[spring as usize];
-    (1.0 + f64::from(spring.max_stretch.unwrap_or(f32::MAX))) * f64::from(spring.rest_length)
+    (1.0 + f64::from(spring.max_stretch.unwrap_or(f32::MAX))) * f64::from(spring.length_at_rest())
 }
 
 fn is_exceeded(group: &LimitGroup, elements: &Elements, particles: &Particles) -> bool {

@@ -13,8 +13,8 @@
 //! The two stages of TR-BDF2 are such steps too (`tr_bdf2.rs`).
 //!
 //! Each island is solved by itself, so that it moves to the bit as it would alone. Newton's method:
-//! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs are
-//! eliminated directly, `conjugate_gradient.rs` solves for the rest.
+//! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs and ropes that
+//! resist bending are eliminated directly, `conjugate_gradient.rs` solves for the rest.
 
 mod block;
 mod clusters;
@@ -24,10 +24,12 @@ mod contacts;
 mod core;
 mod gas;
 mod island;
+mod linearised;
 mod newton;
 mod preconditioner;
 mod system;
 mod tr_bdf2;
+mod wide;
 
 use bevy::math::{DVec3, Vec3};
 

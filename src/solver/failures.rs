@@ -1,0 +1,152 @@
+//! Springs that break or yield, at the end of each substep.
+//!
+//! A spring whose tension is beyond its breaking force is removed, one that is strained beyond its yield strain gets
+//! another rest length. Both take energy away, and neither changes a velocity: momentum and angular momentum stay to
+//! the bit.
+//!
+//! Of springs that hang together only the one that is most overloaded breaks in a substep, and those that carry twice
+//! what they can: the break unloads the others, at the speed of sound, before they are torn too. In a rope under
+//! tension all links carry nearly the same, and without this rule it would fall to pieces.
+//!
+//! The tension of what an implicit scheme advances is that of the solved equations at the end of its step; that of
+//! others follows from the positions, whose rounding times the stiffness it may err by.
+
+use bevy::math::Vec3;
+
+use crate::solver::elements::{Element, Elements};
+use crate::solver::graph::Islands;
+use crate::solver::outputs::Broken;
+use crate::solver::particles::Particles;
+use crate::solver::state::Version;
+
+/// At this multiple of its breaking force a spring breaks, whatever else does.
+const CERTAIN: f64 = 2.0;
+
+const NO_ISLAND: u32 = u32::MAX;
+
+/// The springs that may fail, and working memory.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Failures {
+    candidates: Vec<Candidate>,
+    key: Option<(Version, Version, Version)>,
+    /// What has failed in the last substep.
+    pub broken: Vec<Broken>,
+    /// The springs that have yielded, with their plastic strain.
+    pub yielded: Vec<(u32, f32)>,
+    overloaded: Vec<Overload>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    spring: u32,
+    island: u32,
+    /// A free end of it; if it has none, an end.
+    slot: u32,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Overload {
+    candidate: Candidate,
+    tension: f64,
+    length: f64,
+    /// The tension as a multiple of the breaking force.
+    load: f64,
+}
+
+impl Failures {
+    /// Lists the springs that may fail. `islands` are those of the present elements; they are asked for only if there
+    /// are such springs.
+    pub fn prepare<'a>(
+        &mut self,
+        elements: &Elements,
+        particles: &Particles,
+        islands: impl FnOnce() -> &'a Islands,
+    ) {
+        let key = Some((elements.failures_version(), elements.ends_version(), particles.free_version()));
+        if self.key == key {
+            return;
+        }
+        self.key = key;
+        self.candidates.clear();
+        let springs = elements.springs();
+        let may_fail = |number: &u32| springs.elements()[*number as usize].may_fail();
+        let numbers = (0..springs.len() as u32).filter(may_fail);
+        let numbers = numbers.map(|spring| Candidate { spring, island: NO_ISLAND, slot: 0 });
+        self.candidates.extend(numbers);
+        if self.candidates.is_empty() {
+            return;
+        }
+        let islands = islands();
+        for candidate in &mut self.candidates {
+            let ([first, second], _) = springs.with_ends(candidate.spring as usize);
+            let slot = if particles.is_pinned(first) { second } else { first };
+            candidate.slot = slot as u32;
+            candidate.island = islands.of(slot).map_or(NO_ISLAND, |island| island as u32);
+        }
+    }
+
+    /// Whether there is any.
+    pub fn any(&self) -> bool {
+        !self.candidates.is_empty()
+    }
+
+    /// Finds what fails. `solved` has the tensions of the elements whose equations were solved; of others it has
+    /// nothing, or NaN. Those at a particle that is `in_step` of a longer step are left for its end.
+    pub fn find(
+        &mut self,
+        elements: &Elements,
+        particles: &Particles,
+        solved: &[f64],
+        in_step: impl Fn(usize) -> bool,
+    ) {
+        let Self { candidates, broken, yielded, overloaded, .. } = self;
+        broken.clear();
+        yielded.clear();
+        overloaded.clear();
+        for &candidate in candidates.iter() {
+            let spring = &elements.springs().elements()[candidate.spring as usize];
+            if !spring.may_fail() || in_step(candidate.slot as usize) {
+                continue;
+            }
+            let [length, measured] = elements.measure_spring(candidate.spring, particles);
+            let tension = solved.get(candidate.spring as usize).copied();
+            let tension = tension.filter(|tension| !tension.is_nan()).unwrap_or(measured);
+            if let Some(limit) = spring.breaking_force.map(f64::from).filter(|limit| tension > *limit) {
+                overloaded.push(Overload { candidate, tension, length, load: tension / limit });
+            } else if let Some(strain) = spring.yielded(length) {
+                yielded.push((candidate.spring, strain));
+            }
+        }
+        if !overloaded.is_empty() {
+            choose(overloaded);
+            broken.extend(overloaded.iter().map(|overload| broken_spring(overload, elements, particles)));
+        }
+    }
+}
+
+/// Keeps the most overloaded of each island, and those that break for certain; by their numbers.
+fn choose(overloaded: &mut Vec<Overload>) {
+    let rank = |overload: &Overload| (overload.candidate.island, overload.candidate.spring);
+    overloaded.sort_unstable_by(|one, other| {
+        let by_island = one.candidate.island.cmp(&other.candidate.island);
+        by_island.then(other.load.total_cmp(&one.load)).then(rank(one).cmp(&rank(other)))
+    });
+    let mut last = None;
+    overloaded.retain(|Overload { candidate, load, .. }| {
+        let is_first = last.replace(candidate.island) != Some(candidate.island);
+        is_first || candidate.island == NO_ISLAND || *load >= CERTAIN
+    });
+    overloaded.sort_unstable_by_key(|overload| overload.candidate.spring);
+}
+
+fn broken_spring(overload: &Overload, elements: &Elements, particles: &Particles) -> Broken {
+    let number = overload.candidate.spring as usize;
+    let (ends, spring) = elements.springs().with_ends(number);
+    let [first, second]: [Vec3; 2] = ends.map(|end| particles.position.get(end));
+    Broken {
+        spring: number,
+        tension: overload.tension as f32,
+        elongation: (overload.length - f64::from(spring.length_at_rest())) as f32,
+        point: first.midpoint(second),
+    }
+}
