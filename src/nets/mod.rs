@@ -4,7 +4,11 @@
 //! state of one net that is laid out by it.
 
 mod net;
+mod spool;
+mod tear;
 mod topology;
 
 pub use net::ParticleNet;
+pub use spool::Spool;
+pub use tear::{Rupture, Split, Tear, pieces, tear};
 pub use topology::{Air, Layout, MeshBinding, Topology};

@@ -27,6 +27,7 @@ fn the_example_of_the_contract() {
             damping: 1.0,
             tension_only: false,
             max_stretch: None,
+            breaking_force: None,
         }],
         planes: vec![ScenePlane { point: Vec3::ZERO, normal: Vec3::Y, restitution: 0.5, friction: 0.0 }],
         ..MassSpringScene::default()
