@@ -157,7 +157,8 @@ fn random_tears_lose_nothing() {
                 .iter()
                 .map(|place| *place * 1.2 + Vec3::Z * (0.05 * random(&mut seed)))
                 .collect();
-            let mut velocities: Vec<Vec3> = positions.iter().map(|place| Vec3::new(place.z, place.x, place.y) * 3.0).collect();
+            let mut velocities: Vec<Vec3> =
+                positions.iter().map(|place| Vec3::new(place.z, place.x, place.y) * 3.0).collect();
             let mass: f64 = net.masses.iter().map(|mass| f64::from(*mass)).sum();
             for _ in 0..40 {
                 let count = 1 + (random(&mut seed) * 4.0) as usize;
