@@ -7,7 +7,8 @@ use bevy_transform_interpolation::prelude::*;
 
 use crate::particle::Particle;
 
-/// Eases the `Transform` of each particle between the last two ticks while a frame is drawn.
+/// Eases the `Transform` of each particle, and the mesh of each net (feature `render`), between the last two ticks while
+/// a frame is drawn.
 ///
 /// It acts in apps that have Bevy's [`InputPlugin`], which is part of `DefaultPlugins` (added before or
 /// after this plugin), and does nothing in others, which are taken to be headless.
@@ -24,6 +25,8 @@ impl Plugin for MassSpringInterpolationPlugin {
     fn finish(&self, app: &mut App) {
         if self.headless || app.is_plugin_added::<InputPlugin>() {
             interpolate_particles(app);
+            #[cfg(feature = "render")]
+            crate::render::easing::ease_nets(app);
         }
     }
 }

@@ -48,6 +48,8 @@ pub mod parameter;
 pub mod particle;
 mod plugin;
 mod plugin_group;
+#[cfg(feature = "render")]
+pub mod render;
 pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
@@ -74,7 +76,7 @@ pub mod prelude {
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
     pub use crate::drag::ParticleDragPlugin;
-    pub use crate::environment::Environment;
+    pub use crate::environment::{Environment, Gusts};
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
     pub use crate::nets::ParticleNet;
@@ -83,6 +85,8 @@ pub mod prelude {
     pub use crate::particle::{
         AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
     };
+    #[cfg(feature = "render")]
+    pub use crate::render::{MassSpringRenderPlugin, NetMesh, RopeMesh, RopeRibbon};
     pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};

@@ -16,8 +16,8 @@ use crate::time_control::SingleStepPlugin;
 
 /// Mass-spring physics, beside `DefaultPlugins` or `MinimalPlugins`.
 ///
-/// It also adds [`SingleStepPlugin`], `MassSpringScenePlugin` (feature `scene`) and
-/// `MassSpringInterpolationPlugin` (feature `interpolation`), unless they were added before it.
+/// It also adds [`SingleStepPlugin`], `MassSpringScenePlugin` (feature `scene`), `MassSpringRenderPlugin` (feature
+/// `render`) and `MassSpringInterpolationPlugin` (feature `interpolation`), unless they were added before it.
 /// [`MassSpringPlugins`](crate::MassSpringPlugins) holds these and all others of the crate, each of which
 /// can be configured and disabled there.
 #[derive(Debug, Clone)]
@@ -67,6 +67,8 @@ impl MassSpringPlugin {
         add_once(app, SingleStepPlugin);
         #[cfg(feature = "scene")]
         add_once(app, crate::scene::MassSpringScenePlugin);
+        #[cfg(feature = "render")]
+        add_once(app, crate::render::MassSpringRenderPlugin);
         #[cfg(feature = "interpolation")]
         if self.interpolation != Some(false) {
             let headless = self.interpolation == Some(true);

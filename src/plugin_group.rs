@@ -18,6 +18,7 @@ use crate::time_control::SingleStepPlugin;
 /// | [`MassSpringDiagnosticsPlugin`] | | energies, momentum, extremes and costs, after each tick |
 /// | `MassSpringScenePlugin` | `scene` | loads and spawns scene files, in apps with assets |
 /// | `MassSpringInterpolationPlugin` | `interpolation` | smooth motion between ticks, in apps with input |
+/// | `MassSpringRenderPlugin` | `render` | draws nets, in apps with meshes |
 /// | `MassSpringGizmosPlugin` | `gizmos` | draws particles, springs and planes, in apps with gizmos |
 /// | `ParticleDragPlugin` | `drag` | drags particles by the pointer, in apps with picking |
 /// | `MassSpringPanelPlugin` | `panel` | the egui panel, in apps with a window |
@@ -78,6 +79,8 @@ impl PluginGroup for MassSpringPlugins {
         let group = group.add(crate::interpolation::MassSpringInterpolationPlugin::default());
         let group =
             group.add(MassSpringPlugin::new(self.schedule).physics_only()).add(MassSpringDiagnosticsPlugin);
+        #[cfg(feature = "render")]
+        let group = group.add(crate::render::MassSpringRenderPlugin);
         #[cfg(feature = "gizmos")]
         let group = group.add(crate::gizmos::MassSpringGizmosPlugin);
         #[cfg(feature = "drag")]

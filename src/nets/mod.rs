@@ -3,12 +3,43 @@
 //! A recipe becomes a [`Topology`], a pure value; [`ParticleNet`] is the
 //! state of one net that is laid out by it.
 
+mod balloon;
+mod cloth;
+mod error;
+mod icosphere;
+mod inside;
+mod jelly;
+mod lattice;
+mod material;
+mod membrane;
+mod moduli;
 mod net;
+mod path;
+mod places;
+mod rope;
+mod sheet;
+mod solid;
 mod spool;
 mod tear;
 mod topology;
+mod triangle_mesh;
+mod weld;
 
+pub use balloon::{Balloon, BalloonShape};
+pub use cloth::{Cloth, ClothShape};
+pub use error::NetError;
+pub use jelly::{Jelly, JellyShape};
+pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
 pub use net::ParticleNet;
+pub use places::{Corner, Side};
+pub use rope::Rope;
 pub use spool::Spool;
 pub use tear::{Rupture, Split, Tear, pieces, tear};
 pub use topology::{Air, Layout, MeshBinding, Topology};
+pub use triangle_mesh::{MeshVertex, TriangleMesh};
+
+/// The number of cells of at most `spacing` along `length`, m. A length that is a multiple of the spacing but for its
+/// rounding is one.
+fn cells_along(length: f64, spacing: f32) -> u64 {
+    ((length / f64::from(spacing) * (1.0 - 1e-6)).ceil() as u64).max(1)
+}

@@ -1,7 +1,11 @@
 //! What a net is made of: a pure value, shared by all nets of equal recipes.
 
 use bevy::math::Vec3;
+use bevy::reflect::Reflect;
+use bevy::reflect::prelude::ReflectDefault;
 
+use super::NetError;
+use crate::parameter::{self, InvalidParameter};
 use crate::solver::{Bend, Spring};
 
 /// The particles of a net at rest, and what joins them. Particles are known by their numbers, for life.
@@ -33,6 +37,28 @@ pub struct Topology {
     pub binding: Option<MeshBinding>,
 }
 
+impl Topology {
+    /// The same, if all of its numbers are such that the solver can take them.
+    pub(super) fn checked(self) -> Result<Self, NetError> {
+        let masses = self.masses.iter().map(|mass| (*mass, *mass > 0.0));
+        let springs = self.springs.iter().map(|(_, spring)| (spring.stiffness.max(spring.damping), true));
+        let rods = self.rods.iter().map(|(_, rod)| (rod.stiffness.max(rod.damping), true));
+        let hinges = self.hinges.iter().map(|(_, hinge)| (hinge.stiffness.max(hinge.damping), true));
+        check("the mass of particle", masses)?;
+        check("the stiffness of spring", springs)?;
+        check("the stiffness of rod", rods)?;
+        check("the stiffness of hinge", hinges)?;
+        Ok(self)
+    }
+}
+
+fn check(what: &'static str, values: impl Iterator<Item = (f32, bool)>) -> Result<(), NetError> {
+    match values.enumerate().find(|(_, (value, is_allowed))| !value.is_finite() || !is_allowed) {
+        Some((number, (value, _))) => Err(NetError::OutOfScale { what, number, value }),
+        None => Ok(()),
+    }
+}
+
 /// How the particles of a net are arranged.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Layout {
@@ -57,12 +83,29 @@ pub enum Layout {
 }
 
 /// The aerodynamic coefficients of a net.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Air {
     /// Of the drag, on the area that faces the wind (cloths), or on length × diameter (ropes); >= 0.
     pub drag: f32,
     /// Of the lift, >= 0.
     pub lift: f32,
+}
+
+#[cfg(feature = "serialize")]
+use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
+
+impl Air {
+    /// Checks that both coefficients are finite and >= 0.
+    ///
+    /// # Errors
+    /// Names the field at fault.
+    pub fn validate(&self) -> Result<(), InvalidParameter> {
+        parameter::non_negative("drag", self.drag)?;
+        parameter::non_negative("lift", self.lift)
+    }
 }
 
 impl Default for Air {

@@ -9,6 +9,8 @@ use crate::collider::CollisionSettings;
 use crate::environment::Environment;
 use crate::settings::{Integrator, SolverSettings, SubstepMode};
 
+use super::nets::SceneNet;
+
 /// The content of a scene file: settings, particles, springs and planes.
 ///
 /// [`from_ron`](Self::from_ron) and [`read`](Self::read) refuse bad values; a scene that was put
@@ -30,6 +32,9 @@ pub struct MassSpringScene {
     /// The springs. Optional in the file.
     #[serde(default)]
     pub springs: Vec<SceneSpring>,
+    /// The nets. Optional in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nets: Vec<SceneNet>,
     /// The solid half-spaces. Optional in the file.
     #[serde(default)]
     pub planes: Vec<ScenePlane>,

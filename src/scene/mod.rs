@@ -32,6 +32,7 @@
 mod asset;
 mod description;
 mod error;
+mod nets;
 mod reader;
 mod spawn;
 mod validate;
@@ -39,4 +40,5 @@ mod validate;
 pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
 pub use description::{MassSpringScene, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
+pub use nets::SceneNet;
 pub use spawn::SpawnedScene;

@@ -96,6 +96,10 @@ impl MassSpringScene {
         for (index, spring) in self.springs.iter().enumerate() {
             self.check_spring(index, spring)?;
         }
+        for (index, net) in self.nets.iter().enumerate() {
+            let parents = [Step::Field("nets"), Step::Index(index)];
+            net.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+        }
         for (index, plane) in self.planes.iter().enumerate() {
             let parents = [Step::Field("planes"), Step::Index(index)];
             check_plane(plane).map_err(|invalid| Fault::new(&parents, invalid))?;

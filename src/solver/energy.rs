@@ -23,7 +23,7 @@ use crate::solver::state::State;
 pub struct Measurements {
     /// Σ ½ m v², J.
     pub kinetic_energy: f64,
-    /// Σ ½ k (l − l0)², J.
+    /// Σ ½ k (l − l0)² of springs, Σ ½ k (‖Σ cᵢ xᵢ‖ − r)² of bends, and −p₀ V₀ ln (V / V₀) of gases, J.
     pub elastic_energy: f64,
     /// −Σ m g·x, J: zero at the origin; zero where gravity is switched off.
     pub gravitational_energy: f64,
@@ -66,9 +66,10 @@ fn add_particles(state: &State, gravity: DVec3, measurements: &mut Measurements)
 }
 
 fn add_elements(state: &State, measurements: &mut Measurements) {
+    let (elements, position) = (&state.elements, &state.particles.position);
+    elements.for_each_energy(position, |energy| measurements.elastic_energy += energy);
     let mut stretched = 0_usize;
-    state.elements.for_each_energy(&state.particles.position, |energy, length, rest_length| {
-        measurements.elastic_energy += energy;
+    elements.for_each_spring(position, |length, rest_length| {
         if rest_length > 0.0 {
             let stretch = (length - rest_length).abs() / rest_length;
             measurements.max_stretch = measurements.max_stretch.max(stretch);
@@ -76,6 +77,11 @@ fn add_elements(state: &State, measurements: &mut Measurements) {
             stretched += 1;
         }
     });
+    for (_, enclosure) in state.elements.gases().acting() {
+        let position =
+            |place: usize| state.particles.position.get(enclosure.slots[place] as usize).as_dvec3();
+        measurements.elastic_energy += enclosure.gas.energy_at(enclosure.volume(position));
+    }
     measurements.mean_stretch /= stretched.max(1) as f64;
 }
 

@@ -274,21 +274,22 @@ impl Particles {
     }
 
     /// Position and velocity of a free particle after `h` seconds without elements, in m and m/s. The force is constant
-    /// and the drag −ν v, so this is exact.
+    /// and the drag in proportion to v, so this is exact.
     pub(super) fn free_motion(&self, slot: usize, field: Field, h: f64) -> [DVec3; 2] {
         let inverse_mass = f64::from(self.inverse_mass[slot]);
-        let push = field.gravity.as_dvec3() + inverse_mass * self.applied_force.get(slot).as_dvec3();
+        let push = field.acceleration(slot) + inverse_mass * self.applied_force.get(slot).as_dvec3();
         let (position, velocity) = (self.position.get(slot).as_dvec3(), self.velocity.get(slot).as_dvec3());
-        let [decay, mean, double_mean] = decay(h * f64::from(field.viscosity) * inverse_mass);
+        let [decay, mean, double_mean] = decay(h * field.decay_rate(slot, inverse_mass));
         [position + h * (mean * velocity + h * double_mean * push), decay * velocity + h * mean * push]
     }
 
-    /// The same if it started with `velocity` v, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m).
+    /// The same if it started with `velocity` v, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m); air adds to
+    /// f and ν.
     pub(super) fn velocity_after(&self, slot: usize, velocity: DVec3, field: Field, h: f64) -> DVec3 {
         let inverse_mass = f64::from(self.inverse_mass[slot]);
         let force = self.applied_force.get(slot).as_dvec3();
-        (velocity + h * (field.gravity.as_dvec3() + inverse_mass * force))
-            / (1.0 + h * f64::from(field.viscosity) * inverse_mass)
+        (velocity + h * (field.acceleration(slot) + inverse_mass * force))
+            / (1.0 + h * field.decay_rate(slot, inverse_mass))
     }
 }
 

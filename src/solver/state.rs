@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bevy::math::Vec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Bend, Elements, Holds, Spring};
+use crate::solver::elements::{Bend, Elements, Exposed, Holds, Spring};
+use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
 
@@ -56,6 +57,9 @@ pub struct State {
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
     pub(super) pulls: Pulls,
+    /// What the air blows at.
+    pub(super) exposed: Exposed,
+    pub(super) air_clock: AirClock,
     /// Whether particles or springs were placed since the last tick so that the ends of a spring may coincide.
     pub(super) may_coincide: bool,
 }
@@ -66,6 +70,7 @@ impl State {
     pub(crate) fn clear(&mut self) {
         self.particles.clear();
         self.elements.clear();
+        self.exposed.clear();
     }
 
     /// Keeps what is remembered of contacts for particles that are back in other slots: `new_slots[old]`.
@@ -105,9 +110,12 @@ impl State {
         self.contacts.request_search();
     }
 
-    /// Empties the slot of a particle. Its springs are to be removed, too.
+    /// Empties the slot of a particle. Its springs are to be removed, too; faces and filaments there leave with it, and a
+    /// gas whose surface it was a part of escapes.
     pub(crate) fn remove_particle(&mut self, slot: usize) {
         self.particles.vacate(slot);
+        self.exposed.remove_particle(slot);
+        self.remove_gases_at(slot);
         self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
         self.contacts.request_search();
@@ -226,6 +234,7 @@ impl State {
     pub(crate) fn renumber(&mut self, new_slots: &[u32]) {
         self.particles.renumber(new_slots);
         self.elements.renumber(new_slots);
+        self.exposed.renumber(new_slots);
         let new_slots: Vec<Option<u32>> = new_slots.iter().map(|slot| Some(*slot)).collect();
         self.renumber_contacts(&new_slots);
         let pulls = self.take_pulls();

@@ -1,12 +1,13 @@
 //! A tick: plan → substeps → outputs.
 
+use crate::solver::air::Air;
 use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use crate::solver::settings::{Integrator, StepSettings};
+use crate::solver::settings::{Field, Integrator, StepSettings};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
@@ -29,6 +30,7 @@ pub(crate) struct Caches {
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
+    air: Air,
     /// Working memory.
     tensions: Vec<f64>,
     interleaved: Interleaved,
@@ -60,6 +62,7 @@ pub(crate) fn step(
     if std::mem::take(&mut state.may_coincide) {
         part_coincident(&state.elements, &mut state.particles, settings.gravity);
     }
+    caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
@@ -95,6 +98,7 @@ pub(crate) fn step(
         caches.fail(state, outputs, plan, index);
     }
     caches.end_tick(state, plan);
+    state.air_clock.advance(settings.wind, settings.time_step);
     state.pulls.end_tick();
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -104,6 +108,7 @@ pub(crate) fn step(
         let solved = caches.solved_tensions(plan, state.elements.len());
         outputs.end_tick(&state.elements, &state.particles, solved);
     }
+    outputs.read_gases(&state.elements, &state.particles.position);
 }
 
 impl Caches {
@@ -203,7 +208,7 @@ impl Caches {
     fn end_tick(&mut self, state: &mut State, plan: Plan) {
         self.contacts.end_tick(&mut state.contacts);
         if state.elements.any_ramps() && !plan.integrator.is_implicit() {
-            self.blocks.ramp_to(state.elements.springs(), 1.0);
+            self.blocks.ramp_to(&state.elements, 1.0);
         }
         state.elements.end_ramps();
     }
@@ -254,8 +259,10 @@ impl Caches {
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, contacts, pulls, .. } = state;
-        let field = settings.field();
+        let State { particles, elements, contacts, pulls, exposed, .. } = state;
+        let steps = if plan.stiff_substeps > 0 { plan.stiff_substeps } else { plan.substeps };
+        self.air.evaluate(exposed, particles, [substep, settings.time_step / steps as f32]);
+        let field = Field { air: self.air.load(), ..settings.field() };
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         // One substep is no way to go: the new parameters act at once.
         let elapsed = if plan.substeps == 1 { 1.0 } else { plan.elapsed(index) };
@@ -292,7 +299,7 @@ impl Caches {
         if has_ramps {
             elements.ramp_to(pinned.elapsed);
             if !plan.integrator.is_implicit() {
-                blocks.ramp_to(elements.springs(), elapsed);
+                blocks.ramp_to(elements, elapsed);
             }
         }
         let net = Net { elements, colouring, field, pinned, surroundings, elapsed };

@@ -73,6 +73,7 @@ impl MassSpringState {
         self.solver.clear();
         self.solver.origin = Vec3::ZERO;
         self.solver.forget_contacts();
+        self.solver.reset_air_clock();
         self.is_outdated = true;
         self.version = Version::new();
     }

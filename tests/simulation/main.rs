@@ -3,6 +3,7 @@
 //! Tests that do are binaries of their own: task pools of a given size (`determinism`, `edits`), the log
 //! (`logging`), the allocator (`allocations`), a display (`window`).
 
+mod air;
 mod ambiguity;
 mod breaking;
 mod cables;
@@ -18,6 +19,7 @@ mod energy;
 mod far;
 mod flatness;
 mod forces;
+mod gas;
 mod implicit_euler;
 mod islands;
 mod lifecycle;

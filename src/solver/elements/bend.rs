@@ -43,16 +43,46 @@ impl<const N: usize> Default for Bend<N> {
     }
 }
 
+/// Separations whose square is below this have no direction: its inverse would overflow, m².
+const NO_DIRECTION: f32 = 1e-36;
+
+impl<const N: usize> Bend<N> {
+    /// The pull, as [`Element::pull`] is to have it, of a bend that is `CURVED` (r > 0) and `DAMPED` (c > 0), or not:
+    /// then what is zero is left out, which changes no bit.
+    ///
+    /// With the separation s it is −k (‖s‖ − r) s/‖s‖ − c (ṡ · s) s/‖s‖².
+    #[inline(always)]
+    pub(in crate::solver) fn pull_of<const CURVED: bool, const DAMPED: bool>(
+        [rest_length, stiffness, damping]: [f32; 3],
+        separation: Vec3,
+        rate: Vec3,
+    ) -> Vec3 {
+        if !(CURVED || DAMPED) {
+            return separation * -stiffness;
+        }
+        let squared = separation.length_squared();
+        let inverse = if squared > NO_DIRECTION { 1.0 / squared } else { 0.0 };
+        let beyond = if CURVED { 1.0 - rest_length * inverse.sqrt() } else { 1.0 };
+        let damped = if DAMPED { damping * rate.dot(separation) * inverse } else { 0.0 };
+        separation * -(stiffness * beyond + damped)
+    }
+
+    /// Rest length, stiffness and damping.
+    #[inline(always)]
+    pub(in crate::solver) fn material(&self) -> [f32; 3] {
+        [self.rest_length, self.stiffness, self.damping]
+    }
+}
+
 impl<const N: usize> Element<N> for Bend<N> {
+    #[inline(always)]
     fn weights(&self) -> [f32; N] {
         self.weights
     }
 
+    #[inline(always)]
     fn pull(&self, separation: Vec3, rate: Vec3) -> Vec3 {
-        let squared = separation.length_squared();
-        let inverse = if squared > 0.0 { 1.0 / squared } else { 0.0 };
-        let beyond = 1.0 - self.rest_length * inverse.sqrt();
-        separation * -(self.stiffness * beyond + self.damping * rate.dot(separation) * inverse)
+        Self::pull_of::<true, true>(self.material(), separation, rate)
     }
 
     fn energy(&self, separation: DVec3) -> f64 {
@@ -76,6 +106,16 @@ impl<const N: usize> Element<N> for Bend<N> {
 
     fn rest_length(&self) -> f64 {
         self.rest_length.into()
+    }
+
+    fn between(&self, other: &Self, share: f32) -> Self {
+        let mix = |from: f32, to: f32| from + share * (to - from);
+        Self {
+            rest_length: mix(self.rest_length, other.rest_length),
+            stiffness: mix(self.stiffness, other.stiffness),
+            damping: mix(self.damping, other.damping),
+            weights: other.weights,
+        }
     }
 }
 
@@ -306,6 +346,6 @@ mod tests {
         let bounds = Caches::default().frequency_bounds(&state, 0.0);
         assert!((bounds.angular_frequency.powi(2) / (50.0 * mobility) - 1.0).abs() < 1e-6);
         assert!((bounds.damping_rate / (1.5 * mobility) - 1.0).abs() < 1e-6);
-        assert!(bounds.has_loops, "bends are solved for by iteration");
+        assert!(!bounds.has_loops, "rods are solved for directly");
     }
 }

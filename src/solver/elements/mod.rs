@@ -7,21 +7,29 @@
 //!
 //! A new kind is one file, and one line in [`for_each_kind`].
 
+mod air;
 mod bend;
 mod element;
 mod failure;
+mod gas;
 mod spring;
 mod table;
+mod versions;
 
 use bevy::math::DVec3;
 
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
+pub(super) use air::{Exposed, FacePush, FilamentPush, Push};
+pub use air::{Face, Filament};
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use failure::Plasticity;
+pub(super) use gas::{Enclosure, Gases};
+pub use gas::{Gas, GasReading, enclosed_volume};
 pub use spring::Spring;
-pub(super) use table::Table;
+pub(super) use table::{Ramp, Table};
+use versions::Versions;
 
 /// An element that exerts forces, as the graph sees it.
 #[derive(Clone, Copy)]
@@ -47,6 +55,18 @@ macro_rules! for_each_kind {
 }
 pub(super) use for_each_kind;
 
+/// The kinds of them that are bends, which the kernel takes in runs: `callback! { name: N; … }`.
+macro_rules! for_each_bend {
+    ($callback:ident) => {
+        $callback! {
+            #[cfg(test)] ties: 2;
+            rods: 3;
+            hinges: 4;
+        }
+    };
+}
+pub(super) use for_each_bend;
+
 /// The largest number of ends of any kind.
 pub(super) const MAX_ENDS: usize = 4;
 
@@ -57,6 +77,8 @@ macro_rules! define_elements {
         #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
         pub(super) struct Elements {
             $($(#[$meta])* $kind: Table<$element, $ends>,)*
+            /// What they enclose: not of the kinds, as each acts on many particles.
+            gases: Gases,
             versions: Versions,
             sorted_particles: usize,
         }
@@ -92,12 +114,20 @@ macro_rules! define_elements {
                 let _ = first;
             }
 
-            /// Calls `visit` for each element that acts: its energy in J, ‖s‖ and its rest length in m.
-            pub(super) fn for_each_energy(&self, position: &Vectors, mut visit: impl FnMut(f64, f64, f64)) {
+            /// Calls `visit` with the ends of each element that is sorted and not anchored, see
+            /// [`Table::sorted`].
+            pub(super) fn for_each_sorted(&self, mut visit: impl FnMut(&[u32])) {
+                $($(#[$meta])* {
+                    let ends = self.$kind.all_ends()[..self.$kind.sorted()].iter().enumerate();
+                    let loose = ends.filter(|(index, _)| !self.$kind.is_anchored(*index));
+                    loose.for_each(|(_, ends)| visit(ends));
+                })*
+            }
+
+            /// Calls `visit` for each element that acts: its energy in J.
+            pub(super) fn for_each_energy(&self, position: &Vectors, mut visit: impl FnMut(f64)) {
                 $($(#[$meta])* self.$kind.for_each_acting(|_, ends, element| {
-                    let separation = combine(ends, element, position);
-                    let rest_length = Element::rest_length(element);
-                    visit(Element::energy(element, separation), separation.length(), rest_length);
+                    visit(Element::energy(element, combine(ends, element, position)));
                 });)*
             }
 
@@ -180,6 +210,7 @@ macro_rules! define_elements {
             /// Renames the particles: `new_slots[old]` is the new slot of each.
             pub fn renumber(&mut self, new_slots: &[u32]) {
                 $($(#[$meta])* self.$kind.renumber(new_slots);)*
+                self.gases.renumber(new_slots);
                 self.versions.reset();
             }
 
@@ -254,32 +285,6 @@ for_each_kind!(define_elements);
 /// One in this number of elements, or particles, may be unsorted; see [`Table::sorted`].
 const MAX_UNSORTED: usize = 8;
 
-/// Elements of the same version are the same, in some respect.
-#[derive(Debug, Clone, Copy, Default)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct Versions {
-    /// In all.
-    all: Version,
-    /// In their ends and coefficients.
-    rates: Version,
-    /// In their ends, and whether they act.
-    ends: Version,
-    /// In the ends of those that have a strain limit.
-    limits: Version,
-    /// In what they bear.
-    failures: Version,
-    /// What has changed since this version is listed.
-    edited_since: Version,
-}
-
-impl Versions {
-    /// Everything may be other than before.
-    fn reset(&mut self) {
-        let new = Version::new();
-        *self = Self { all: new, rates: new, ends: new, limits: new, failures: new, edited_since: new };
-    }
-}
-
 /// A collection that has a table of this kind.
 pub(super) trait Holds<E, const N: usize> {
     fn table(&self) -> &Table<E, N>;
@@ -347,6 +352,13 @@ impl Elements {
     pub fn clear(&mut self) {
         *self = Self::default();
         self.versions.reset();
+    }
+
+    /// Calls `visit` for each spring that acts: its length and its rest length in m.
+    pub(super) fn for_each_spring(&self, position: &Vectors, mut visit: impl FnMut(f64, f64)) {
+        self.springs.for_each_acting(|_, ends, spring| {
+            visit(combine(ends, spring, position).length(), spring.rest_length.into());
+        });
     }
 
     /// Number of particles when the tables were sorted last.

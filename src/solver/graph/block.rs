@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::bend_runs::BendRuns;
 use crate::solver::elements::{Bend, Spring, Table, for_each_kind};
 
 /// Runs shorter than this are loose: a vector would not be filled.
@@ -58,6 +59,7 @@ pub(in crate::solver) struct Block {
     pub damping: Vec<f32>,
     /// The springs in runs, then the loose ones.
     pub springs: Vec<u32>,
+    pub bends: BendRuns,
     pub loose: LooseElements,
 }
 

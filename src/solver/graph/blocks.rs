@@ -7,39 +7,22 @@
 //! Within a block springs are sorted by the offset between their two slots, then by slot. Ropes, cloths and
 //! lattices then fall into long *runs*, in which the first ends are consecutive and the second ends too: eight
 //! springs are loaded, computed and stored at a time without gathering. The others are *loose*, taken one by one.
+//! Bends fall into runs in the same way (`bend_blocks.rs`).
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
-use std::any::TypeId;
 use std::ops::Range;
 
+use super::bend_blocks::BendPlaces;
 use super::block::{Block, Entry, Loose, Owned};
 use super::layout::Layout;
-use crate::solver::elements::{Bend, Element, Elements, Holds, Spring, Table, for_each_kind};
+use crate::solver::elements::{Element, Elements, Spring, Table};
 use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
 
 /// From about this number of particles and springs together on it pays to wake other threads. Measured: a rope of
 /// 10,000 (20,000) takes two threads a twentieth longer than one, a cloth of 70² (34,000) a twelfth less.
 const MIN_SHARED: usize = 25_000;
-
-macro_rules! define_list_others {
-    ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {
-        impl Blocks {
-            /// Lists the elements of all kinds but the springs.
-            fn list_others(&mut self, elements: &Elements) {
-                // The springs have runs.
-                $($(#[$meta])* if TypeId::of::<$element>() != TypeId::of::<Spring>() {
-                    let table = Holds::<$element, $ends>::table(elements);
-                    for index in 0..table.len() {
-                        self.add_loose(table, index, |block| &mut block.loose.$kind);
-                    }
-                })*
-            }
-        }
-    };
-}
-for_each_kind!(define_list_others);
 
 /// All elements in blocks.
 #[derive(Debug, Clone, Default)]
@@ -48,16 +31,18 @@ pub(in crate::solver) struct Blocks {
     pub blocks: Vec<Block>,
     /// Where the parameters of each spring are; in the second place only for a spring between two blocks.
     places: Vec<[Option<Place>; 2]>,
+    pub(super) bend_places: BendPlaces,
     particles: usize,
     version: Version,
     excluded: Version,
     ranges_version: Version,
 }
 
+/// The number of a block, and of an element of one kind in it.
 #[derive(Debug, Clone, Copy)]
-struct Place {
-    block: u32,
-    index: u32,
+pub(super) struct Place {
+    pub block: u32,
+    pub index: u32,
 }
 
 impl Blocks {
@@ -80,11 +65,11 @@ impl Blocks {
         if (self.version, self.particles, self.excluded) == (elements.version(), count, excluded) {
             return;
         }
-        let only_springs = elements.len() == elements.springs().len();
-        let is_listed = elements.lists_edits_since(self.version) && only_springs;
+        let is_listed = elements.lists_edits_since(self.version);
         let is_whole = excluded == Version::default() && self.excluded == excluded;
         if is_listed && is_whole && !self.blocks.is_empty() {
             self.update(elements.springs(), elements.sorted_particles(), count);
+            self.update_bends(elements);
         } else {
             self.build(elements, count, is_excluded);
         }
@@ -92,9 +77,11 @@ impl Blocks {
         elements.reset_edits();
     }
 
-    /// Gives the springs on ramps the parameters that they have when `share` of the tick is done.
-    pub fn ramp_to(&mut self, springs: &Table<Spring, 2>, share: f32) {
-        springs.ramps().iter().for_each(|ramp| self.set_parameters(ramp.index as usize, ramp.at(share)));
+    /// Gives the elements on ramps the parameters that they have when `share` of the tick is done.
+    pub fn ramp_to(&mut self, elements: &Elements, share: f32) {
+        let ramps = elements.springs().ramps().iter();
+        ramps.for_each(|ramp| self.set_parameters(ramp.index as usize, ramp.at(share)));
+        self.ramp_bends_to(elements, share);
     }
 
     /// Gives a spring other parameters.
@@ -153,7 +140,7 @@ impl Blocks {
         in_runs.chain(among_loose).map(|place| block.springs[place as usize] as usize).collect()
     }
 
-    fn block_of(&self, slot: u32) -> Option<usize> {
+    pub(super) fn block_of(&self, slot: u32) -> Option<usize> {
         let block = self.blocks.partition_point(|block| block.slots.end <= slot as usize);
         self.blocks.get(block)?.slots.contains(&(slot as usize)).then_some(block)
     }
@@ -161,7 +148,7 @@ impl Blocks {
     /// Sorts all elements into blocks.
     fn build(&mut self, elements: &Elements, particles: usize, is_excluded: impl Fn(usize) -> bool) {
         let springs = elements.springs();
-        let layout = Layout::of(springs, elements.sorted_particles().min(particles));
+        let layout = Layout::of(elements, elements.sorted_particles().min(particles));
         self.particles = particles;
         self.ranges_version = Version::new();
         self.blocks.clear();
@@ -182,7 +169,7 @@ impl Blocks {
             self.places.push([None; 2]);
             self.add_spring(springs, index);
         }
-        self.list_others(elements);
+        self.list_bends(elements, &layout);
     }
 
     fn add_ranges(
@@ -278,7 +265,7 @@ impl Blocks {
     }
 
     /// Lists an element in each block that has an end of it; these blocks.
-    fn add_loose<E: Element<N>, const N: usize>(
+    pub(super) fn add_loose<E: Element<N>, const N: usize>(
         &mut self,
         table: &Table<E, N>,
         index: usize,

@@ -4,16 +4,18 @@
 //!
 //! ```text
 //! 0 .. trees       leaves first: each has at most one neighbour among the nodes after it, its parent
-//! trees .. free    the core, what is left: each node of it lies on a closed path of elements
+//! trees .. free    the core, what is left: nodes on closed paths of elements
 //! free .. end      pinned particles at the ends of elements
 //! end              no particle: the parent of the roots
 //! ```
 //!
 //! A forest has no core. Removing leaves at all ends at once makes the middle of a rope its root, so that the
 //! two halves are eliminated side by side, which the processor does at the same time. An element of more than
-//! two ends couples all of them, so that these are in the core; so are particles that contacts join.
+//! two ends couples all of them, and a node of one may have a second parent: so ropes that resist bending are
+//! eliminated directly, too (`reduction.rs`). Particles that contacts join are in the core.
 
 use super::hierarchy::Hierarchy;
+use super::reduction::{NONE, Reduction};
 use super::{Islands, Linked};
 use crate::solver::buckets::Buckets;
 use crate::solver::elements::{Acting, Elements};
@@ -30,6 +32,10 @@ pub(in crate::solver) struct Elimination {
     pub free: usize,
     /// The parent of each tree node.
     pub parents: Vec<u32>,
+    /// What else is to be known of each tree node, where elements of more than two ends act on any; else empty.
+    pub bent: Vec<BentNode>,
+    /// The pairs of core nodes, numbered from 0 there, that are joined by what was eliminated.
+    pub fills: Vec<[u32; 2]>,
     /// `tree_starts[i]..tree_starts[i + 1]` are the elements of tree node i.
     pub tree_starts: Vec<u32>,
     /// The numbers of the elements of two ends: those of the tree nodes, then those of the core, of these first
@@ -39,8 +45,12 @@ pub(in crate::solver) struct Elimination {
     pub ends: Vec<[u32; 2]>,
     /// The links within the core.
     pub runs: Vec<NodeRun>,
-    /// The elements of more ends, whose `ends` are nodes.
+    /// The elements of more ends, whose `ends` are nodes: those of the tree nodes, then those of the core.
     pub compounds: Vec<Linked>,
+    /// Number of those of the tree nodes.
+    pub tree_compounds: usize,
+    /// The numbers of the gases, and the nodes of their particles; free ones are in the core.
+    pub gases: Vec<(u32, Vec<u32>)>,
     /// How the core is coarsened, for its preconditioner.
     pub hierarchy: Hierarchy,
 }
@@ -53,7 +63,31 @@ pub(in crate::solver) struct NodeRun {
     pub count: usize,
 }
 
-const NO_NODE: u32 = u32::MAX;
+/// A tree node that may have two parents, with its share of the compounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::solver) struct BentNode {
+    /// The later one of its parents; the node that is none if it has fewer than two.
+    pub second_parent: u32,
+    /// Where its compounds end.
+    pub compounds_end: u32,
+    /// What joins its two parents when it is gone.
+    pub fill: Fill,
+}
+
+/// Where the coupling of two nodes is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::solver) enum Fill {
+    /// There are no two.
+    None,
+    /// With a tree node, to its parent or to its second parent.
+    Tree { node: u32, to_second: bool },
+    /// In this place among the fills of the core.
+    Core(u32),
+}
+
+const NO_NODE: u32 = NONE;
+/// The number of a gas, and the slots of its particles, or their nodes.
+type Gas = (u32, Vec<u32>);
 
 impl Elimination {
     /// One for each of the islands that are `wanted`.
@@ -72,94 +106,109 @@ impl Elimination {
                 }
             });
         });
+        let mut gases: Vec<Vec<Gas>> = vec![Vec::new(); islands.all().len()];
+        for (number, enclosure) in elements.gases().acting() {
+            let island = enclosure.slots.iter().find_map(|slot| islands.of(*slot as usize));
+            if let Some(island) = island.filter(|island| wanted(*island)) {
+                gases[island].push((number as u32, enclosure.slots.clone()));
+            }
+        }
         let mut nodes = vec![NO_NODE; particles.len()];
         let wanted = (0..members.len()).filter(|island| wanted(*island));
-        wanted.map(|island| Self::of(members.of(island), &[], particles, &mut nodes)).collect()
+        let of = |island: usize| {
+            Self::of(members.of(island), std::mem::take(&mut gases[island]), &[], particles, &mut nodes)
+        };
+        wanted.map(of).collect()
     }
 
     /// One for several islands together, for as long as contacts join the particles in the slots `in_core`; some of
     /// these may be in no island.
     pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>, in_core: &[u32], particles: &Particles) -> Self {
-        let mut members = Vec::new();
+        let (mut members, mut gases) = (Vec::new(), Vec::new());
         for part in parts {
             let slot = |node: u32| part.slots[node as usize];
             let pairs = part.elements.iter().zip(&part.ends);
             members.extend(pairs.map(|(element, ends)| Linked::new(*element, &ends.map(slot))));
             members.extend(part.compounds.iter().map(|compound| compound.map_ends(slot)));
+            let slots_of = |(number, nodes): &Gas| (*number, nodes.iter().map(|node| slot(*node)).collect());
+            gases.extend(part.gases.iter().map(slots_of));
         }
         members.sort_unstable_by_key(|member| member.element);
-        Self::of(&members, in_core, particles, &mut vec![NO_NODE; particles.len()])
+        gases.sort_unstable();
+        Self::of(&members, gases, in_core, particles, &mut vec![NO_NODE; particles.len()])
     }
 
-    /// The elimination of these elements, with the slots `in_core` in the core; `nodes` is working memory.
-    fn of(members: &[Linked], in_core: &[u32], particles: &Particles, nodes: &mut [u32]) -> Self {
+    /// The elimination of these elements and gases, with the slots `in_core` in the core; `nodes` is working memory.
+    fn of(
+        members: &[Linked],
+        gases: Vec<Gas>,
+        in_core: &[u32],
+        particles: &Particles,
+        nodes: &mut [u32],
+    ) -> Self {
+        let in_gas = gases.iter().flat_map(|(_, slots)| slots);
+        let in_core = &in_core.iter().chain(in_gas).copied().collect::<Vec<u32>>();
         let mut all: Vec<u32> = members.iter().flat_map(Linked::ends).chain(in_core).copied().collect();
         all.sort_unstable();
         all.dedup();
         let (pinned, free): (Vec<u32>, Vec<u32>) =
             all.into_iter().partition(|slot| particles.is_pinned(*slot as usize));
-        let mut elimination = Self { free: free.len(), ..Self::default() };
-        elimination.number(members, in_core, &free, particles, nodes);
-        elimination.slots.extend(pinned);
+        let reduction = Reduction::of(members, in_core, &free, particles, nodes);
+        let mut elimination = Self { free: free.len(), trees: reduction.order.len(), ..Self::default() };
+        let order = reduction.order.iter().chain(&reduction.left);
+        elimination.slots.extend(order.map(|place| free[*place as usize]).chain(pinned));
         for (node, slot) in (0..).zip(&elimination.slots) {
             nodes[*slot as usize] = node;
         }
         let no_node = elimination.slots.len() as u32;
-        for parent in &mut elimination.parents {
-            *parent = if *parent == NO_NODE { no_node } else { nodes[*parent as usize] };
-        }
+        let node_of = |place: u32| if place == NONE { no_node } else { nodes[free[place as usize] as usize] };
+        let parents: Vec<[u32; 2]> = reduction
+            .parents
+            .iter()
+            .map(|parents| {
+                let [one, other] = parents.map(node_of);
+                [one.min(other), one.max(other)]
+            })
+            .collect();
+        elimination.parents.extend(parents.iter().map(|[parent, _]| *parent));
         elimination.sort_elements(members, nodes);
+        elimination.list_bent(&parents);
+        elimination.gases = gases;
+        for slot in elimination.gases.iter_mut().flat_map(|(_, slots)| slots) {
+            *slot = nodes[*slot as usize];
+        }
         elimination
     }
 
-    /// Numbers the free nodes; the parents are slots for the time being. `places` is working memory.
-    fn number(
-        &mut self,
-        members: &[Linked],
-        forced: &[u32],
-        free: &[u32],
-        particles: &Particles,
-        places: &mut [u32],
-    ) {
-        let mut in_core = vec![false; free.len()];
-        for (place, slot) in (0..).zip(free) {
-            places[*slot as usize] = place;
+    /// Finds what is to be known of tree nodes at compounds.
+    fn list_bent(&mut self, parents: &[[u32; 2]]) {
+        if self.tree_compounds == 0 {
+            return;
         }
-        let place_of = |slot: u32| (!particles.is_pinned(slot as usize)).then(|| places[slot as usize]);
-        let mut neighbours = Buckets::default();
-        neighbours.fill(free.len(), |add| {
-            for ends in members.iter().map(Linked::ends) {
-                for (&end, &other) in ends.iter().flat_map(|end| ends.iter().map(move |other| (end, other))) {
-                    if let (Some(end), Some(other), true) = (place_of(end), place_of(other), end != other) {
-                        add(end as usize, other);
-                    }
-                }
-            }
-        });
-        neighbours.sort_and_dedup();
-        let coupled = members.iter().filter(|member| member.count > 2).flat_map(Linked::ends);
-        for end in coupled.chain(forced) {
-            place_of(*end).into_iter().for_each(|place| in_core[place as usize] = true);
+        let (trees, free) = (self.trees as u32, self.free as u32);
+        let mut compounds_end = 0;
+        for (node, &[parent, second_parent]) in (0..).zip(parents) {
+            let own = self.compounds[compounds_end..self.tree_compounds].iter();
+            compounds_end += own.take_while(|compound| compound.ends().contains(&node)).count();
+            let fill = if second_parent >= free {
+                Fill::None
+            } else if parent < trees {
+                // The two are joined, so that one is a parent of the other.
+                Fill::Tree { node: parent, to_second: parents[parent as usize][0] != second_parent }
+            } else {
+                Fill::Core(self.core_fill([parent - trees, second_parent - trees]))
+            };
+            self.bent.push(BentNode { second_parent, compounds_end: compounds_end as u32, fill });
         }
-        let mut degree: Vec<usize> = (0..free.len()).map(|place| neighbours.of(place).len()).collect();
-        let mut taken = vec![false; free.len()];
-        let mut order: Vec<u32> = (0..free.len() as u32)
-            .filter(|place| degree[*place as usize] <= 1 && !in_core[*place as usize])
-            .collect();
-        while let Some(&leaf) = order.get(self.parents.len()) {
-            taken[leaf as usize] = true;
-            let parent = neighbours.of(leaf as usize).iter().find(|other| !taken[**other as usize]);
-            self.parents.push(parent.map_or(NO_NODE, |parent| free[*parent as usize]));
-            if let Some(&parent) = parent {
-                degree[parent as usize] -= 1;
-                if degree[parent as usize] == 1 && !in_core[parent as usize] {
-                    order.push(parent);
-                }
-            }
-        }
-        self.trees = order.len();
-        order.extend((0..free.len() as u32).filter(|place| !taken[*place as usize]));
-        self.slots.extend(order.into_iter().map(|place| free[place as usize]));
+    }
+
+    /// The place of a pair of core nodes among the fills.
+    fn core_fill(&mut self, pair: [u32; 2]) -> u32 {
+        let known = self.fills.iter().position(|fill| *fill == pair);
+        known.unwrap_or_else(|| {
+            self.fills.push(pair);
+            self.fills.len() - 1
+        }) as u32
     }
 
     /// Lists the elements that have a free end, by the node that they are assigned to.
@@ -168,7 +217,10 @@ impl Elimination {
         let in_nodes = members.iter().map(|member| member.map_ends(|slot| nodes[slot as usize]));
         let (mut pairs, compounds): (Vec<Linked>, Vec<Linked>) =
             in_nodes.partition(|member| member.count == 2);
+        let first_node = |compound: &Linked| compound.ends().iter().copied().min().unwrap_or(NO_NODE);
         self.compounds = compounds;
+        self.compounds.sort_by_key(|compound| (first_node(compound).min(trees), compound.element));
+        self.tree_compounds = self.compounds.partition_point(|compound| first_node(compound) < trees);
         for pair in &mut pairs {
             pair.ends[..2].sort_unstable();
         }
@@ -280,12 +332,41 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_a_compound_are_in_the_core() {
-        let all = eliminations(&[[0, 1], [1, 2], [2, 3], [3, 4]], &[[1, 2, 3]], &[0.0, 1.0, 1.0, 1.0, 1.0]);
+    fn a_rope_with_rods_is_solved_directly() {
+        let links = [[0, 1], [1, 2], [2, 3], [3, 4]];
+        let all = eliminations(&links, &[[0, 1, 2], [1, 2, 3], [2, 3, 4]], &[0.0, 1.0, 1.0, 1.0, 1.0]);
+        let rope = &all[0];
+        assert_eq!((rope.slots.clone(), rope.trees), (vec![1, 4, 2, 3, 0], 4));
+        assert_eq!(rope.parents, [2, 2, 3, 5]);
+        // By node: the rods of slots 0 and 1 to 3, of 2 to 4, and none.
+        assert_eq!(rope.compounds, [[4, 0, 2], [0, 2, 3], [2, 3, 1]].map(|ends| compound(rope, ends)));
+        let seconds: Vec<(u32, u32)> =
+            rope.bent.iter().map(|node| (node.second_parent, node.compounds_end)).collect();
+        assert_eq!(seconds, [(3, 2), (3, 3), (5, 3), (5, 3)]);
+        let fill = Fill::Tree { node: 2, to_second: false };
         assert_eq!(
-            (all[0].slots.clone(), all[0].trees, all[0].parents.clone()),
-            (vec![4, 1, 2, 3, 0], 1, vec![3])
+            rope.bent.iter().map(|node| node.fill).collect::<Vec<_>>(),
+            [fill, fill, Fill::None, Fill::None]
         );
-        assert_eq!(all[0].compounds, [Linked::new(4, &[1, 2, 3])]);
+    }
+
+    /// The compound of a rope with these nodes.
+    fn compound(rope: &Elimination, ends: [u32; 3]) -> Linked {
+        let found = rope.compounds.iter().find(|compound| compound.ends() == ends);
+        *found.unwrap_or_else(|| panic!("no compound joins {ends:?}: {:?}", rope.compounds))
+    }
+
+    #[test]
+    fn what_is_between_two_contacts_is_in_the_core_and_joined_by_what_was_outside() {
+        let links: Vec<[u32; 2]> = (0..7).map(|slot| [slot, slot + 1]).collect();
+        let rods: Vec<[u32; 3]> = (0..6).map(|slot| [slot, slot + 1, slot + 2]).collect();
+        let rope = &eliminations(&links, &rods, &[1.0; 8])[0];
+        assert_eq!((rope.trees, rope.free, rope.fills.len()), (8, 8, 0));
+        let mut particles = Particles::default();
+        (0..8).for_each(|_| particles.push(Vec3::ZERO, Vec3::ZERO, 1.0, 0.0));
+        let touching = Elimination::joined(std::iter::once(rope), &[2, 5], &particles);
+        assert_eq!(touching.slots, [0, 7, 1, 6, 2, 3, 4, 5]);
+        assert_eq!((touching.trees, touching.fills.clone()), (4, vec![[0, 1], [2, 3]]));
+        assert_eq!(touching.compounds.len() - touching.tree_compounds, 2);
     }
 }

@@ -3,7 +3,10 @@
 //! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
 //! exert no force.
 
-use crate::solver::elements::{Acting, Elements};
+use super::Linked;
+use super::reduction::Reduction;
+use crate::solver::buckets::Buckets;
+use crate::solver::elements::{Acting, Elements, Enclosure};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
 
@@ -21,7 +24,8 @@ pub(in crate::solver) struct Islands {
 pub(in crate::solver) struct Island {
     /// Number of elements.
     pub elements: usize,
-    /// Whether they close a loop among free particles. Ropes, chains and trees have none.
+    /// Whether its equations are not solved directly: springs close a loop among free particles, or bends couple too
+    /// many of them. Ropes, with rods or without, chains and trees have none.
     pub has_loops: bool,
 }
 
@@ -37,22 +41,35 @@ impl Islands {
         self.key = key;
         let mut forest = Forest::new(particles.len());
         let mut joined = vec![false; particles.len()];
-        let mut closing = Vec::new();
+        let (mut closing, mut bent) = (Vec::new(), Vec::new());
         elements.for_each_acting(|Acting { ends, .. }| {
             let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));
             let Some(first) = free.next() else { return };
             joined[first] = true;
-            let mut closes = ends.len() > 2;
+            let mut closes = false;
             for end in free {
                 joined[end] = true;
                 closes |= !forest.join(first, end);
             }
-            if closes {
-                closing.push(first);
+            match ends.len() > 2 {
+                true => bent.push(first),
+                false if closes => closing.push(first),
+                false => {}
             }
         });
+        for (_, enclosure) in elements.gases().acting() {
+            let mut free = free_slots(enclosure, particles);
+            let Some(first) = free.next() else { continue };
+            joined[first] = true;
+            closing.push(first);
+            for slot in free {
+                joined[slot] = true;
+                forest.join(first, slot);
+            }
+        }
         self.number(&mut forest, &joined);
         closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
+        self.reduce(&bent, elements, particles);
         elements.for_each_acting(|Acting { ends, .. }| {
             let free = ends.iter().map(|end| *end as usize).find(|end| !particles.is_pinned(*end));
             free.into_iter().for_each(|slot| self.island_mut(slot).elements += 1);
@@ -75,6 +92,37 @@ impl Islands {
             }
             *island
         }));
+    }
+
+    /// Finds out which islands with bends, an end of each of which is listed, are not solved directly.
+    fn reduce(&mut self, bent: &[usize], elements: &Elements, particles: &Particles) {
+        let mut is_open = vec![false; self.islands.len()];
+        for slot in bent {
+            let island = self.of_slot[*slot] as usize;
+            is_open[island] = !self.islands[island].has_loops;
+        }
+        if !is_open.contains(&true) {
+            return;
+        }
+        let mut members = Buckets::default();
+        members.fill(self.islands.len(), |add| {
+            elements.for_each_acting(|Acting { number, ends, .. }| {
+                let island = ends.iter().find_map(|end| self.of(*end as usize));
+                if let Some(island) = island.filter(|island| is_open[*island]) {
+                    add(island, Linked::new(number, ends));
+                }
+            });
+        });
+        let mut places = vec![0; particles.len()];
+        for island in (0..is_open.len()).filter(|island| is_open[*island]) {
+            let members = members.of(island);
+            let mut free: Vec<u32> = members.iter().flat_map(Linked::ends).copied().collect();
+            free.retain(|slot| !particles.is_pinned(*slot as usize));
+            free.sort_unstable();
+            free.dedup();
+            let reduction = Reduction::of(members, &[], &free, particles, &mut places);
+            self.islands[island].has_loops = !reduction.left.is_empty();
+        }
     }
 
     fn island_mut(&mut self, slot: usize) -> &mut Island {
@@ -160,19 +208,31 @@ impl Forest {
     }
 }
 
-/// Whether the acting elements close a loop among free particles.
+fn free_slots<'a>(
+    enclosure: &'a Enclosure,
+    particles: &'a Particles,
+) -> impl Iterator<Item = usize> + use<'a> {
+    let slots = enclosure.slots.iter().map(|slot| *slot as usize);
+    slots.filter(|slot| !particles.is_pinned(*slot))
+}
+
+/// Whether the equations of any island are not solved directly: see [`Island::has_loops`].
 pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -> bool {
     let mut forest = Forest::new(particles.len());
-    let mut has_loops = false;
+    let (mut has_loops, mut has_bends) = (elements.gases().any_act(), false);
     elements.for_each_acting(|Acting { ends, .. }| {
-        if !has_loops {
-            let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));
-            let first = free.next();
-            has_loops |=
-                ends.len() > 2 || free.any(|end| first.is_some_and(|first| !forest.join(first, end)));
+        if let ([first, second], false) = (ends, has_loops) {
+            let is_free = |end: &u32| !particles.is_pinned(*end as usize);
+            has_loops = is_free(first) && is_free(second) && !forest.join(*first as usize, *second as usize);
         }
+        has_bends |= ends.len() > 2;
     });
-    has_loops
+    if has_loops || !has_bends {
+        return has_loops;
+    }
+    let mut islands = Islands::default();
+    islands.refresh(elements, particles);
+    islands.islands.iter().any(|island| island.has_loops)
 }
 
 #[cfg(test)]
@@ -242,6 +302,23 @@ mod tests {
         );
         let found = islands(&elements, &particles);
         assert_eq!([0, 1, 2, 3, 4].map(|slot| found.of(slot)), [Some(0), Some(0), None, Some(0), Some(0)]);
-        assert_eq!(found.all(), [Island { elements: 2, has_loops: true }]);
+        assert_eq!(found.all(), [Island { elements: 2, has_loops: false }]);
+    }
+
+    #[test]
+    fn rods_along_a_rope_close_no_loop_and_across_a_ring_they_do() {
+        let particles = particles(&[1.0; 8]);
+        let mut elements = springs(&[[0, 1], [1, 2], [2, 3], [4, 5], [5, 6], [6, 7]]);
+        let rod = Bend { rest_length: 0.0, stiffness: 1.0, damping: 0.0, weights: [1.0, -2.0, 1.0] };
+        for ends in [[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7]] {
+            elements.push(ends, rod);
+        }
+        assert!(!has_loops(&elements, &particles));
+        // The rods of a closed rope couple five nodes round it.
+        elements.push([6, 7, 4], rod);
+        elements.push([7, 4, 5], rod);
+        assert!(has_loops(&elements, &particles));
+        let found: Vec<bool> = islands(&elements, &particles).all().iter().map(|all| all.has_loops).collect();
+        assert_eq!(found, [false, true]);
     }
 }

@@ -1,37 +1,37 @@
 //! Where the blocks of particles begin, and the tiles in which runs of springs stay.
 //!
-//! A *span* is a piece of the slots that no spring leaves; an island in one piece is one. Small spans share a
+//! A *span* is a piece of the slots that no element leaves; an island in one piece is one. Small spans share a
 //! block, large ones are cut into blocks and tiles counted from their first slot. So the order in which the
 //! forces on a particle are added is the same whatever else is in the scene, and an island moves to the bit as
 //! it would alone.
 
 use std::ops::Range;
 
-use crate::solver::elements::{Spring, Table};
+use crate::solver::elements::Elements;
 
 /// Runs stay within this number of particles, whose state fits in the first-level cache.
 const TILE: usize = 1024;
 
-/// The smallest number of particles of a block, where there are as many: smaller ones list more springs twice.
+/// The smallest number of particles of a block, where there are as many: smaller ones list more elements twice.
 pub(super) const MIN_BLOCK: usize = 2048;
 
-/// The part of the springs of a span that may be listed twice: a larger block is taken until no more are.
+/// The part of the elements of a span that may be listed twice: a larger block is taken until no more are.
 const MAX_CUT: f32 = 0.04;
 
-/// The layout of the sorted springs among the particles that were there when they were sorted.
+/// The layout of the sorted elements among the particles that were there when they were sorted.
 pub(super) struct Layout {
     ranges: Vec<Range<usize>>,
     /// The tile of each slot.
     tiles: Vec<u32>,
 }
 
-/// A piece of the slots that no spring leaves.
+/// A piece of the slots that no element leaves.
 struct Span {
     slots: Range<usize>,
     /// Particles of each block.
     block: usize,
-    springs: usize,
-    /// Springs between its blocks.
+    elements: usize,
+    /// Elements between its blocks.
     cut: usize,
 }
 
@@ -39,9 +39,14 @@ impl Layout {
     /// Particles in each block of those that came later.
     pub const LATE_BLOCK: usize = MIN_BLOCK;
 
-    /// The layout of the sorted springs among the first `particles` particles.
-    pub fn of(springs: &Table<Spring, 2>, particles: usize) -> Self {
-        let mut spans = spans(springs, particles);
+    /// The layout of the sorted elements among the first `particles` particles.
+    pub fn of(elements: &Elements, particles: usize) -> Self {
+        let mut extents = Vec::with_capacity(elements.len());
+        elements.for_each_sorted(|ends| {
+            let (lower, upper) = (ends.iter().min(), ends.iter().max());
+            extents.extend(lower.zip(upper).map(|(lower, upper)| [*lower as usize, *upper as usize]));
+        });
+        let mut spans = spans(&extents, particles);
         let mut tiles = vec![0; particles];
         let mut next_tile = 0;
         for span in &spans {
@@ -50,7 +55,7 @@ impl Layout {
                 next_tile += 1;
             }
         }
-        choose_blocks(springs, &mut spans, particles);
+        choose_blocks(&extents, &mut spans, particles);
         Self { ranges: ranges(&spans), tiles }
     }
 
@@ -70,48 +75,42 @@ impl Layout {
     }
 }
 
-/// The sorted springs between free particles, as lower and upper slot.
-fn sorted(springs: &Table<Spring, 2>) -> impl Iterator<Item = [usize; 2]> {
-    let ends = springs.all_ends()[..springs.sorted()].iter().enumerate();
-    let loose = ends.filter(|(index, _)| !springs.is_anchored(*index));
-    loose.map(|(_, &[first, second])| [first.min(second) as usize, first.max(second) as usize])
-}
-
-fn spans(springs: &Table<Spring, 2>, particles: usize) -> Vec<Span> {
+/// The pieces, from the lowest and the highest slot of each element.
+fn spans(extents: &[[usize; 2]], particles: usize) -> Vec<Span> {
     let mut reach: Vec<usize> = (0..particles).collect();
-    for [lower, upper] in sorted(springs) {
+    for &[lower, upper] in extents {
         reach[lower] = reach[lower].max(upper);
     }
     let (mut spans, mut start, mut furthest) = (Vec::new(), 0, 0);
     for (slot, reach) in reach.into_iter().enumerate() {
         furthest = furthest.max(reach);
         if furthest == slot {
-            spans.push(Span { slots: start..slot + 1, block: MIN_BLOCK, springs: 0, cut: 0 });
+            spans.push(Span { slots: start..slot + 1, block: MIN_BLOCK, elements: 0, cut: 0 });
             start = slot + 1;
         }
     }
     spans
 }
 
-/// Chooses for each span the smallest power of two particles a block that cuts few of its springs. It depends on
-/// the springs alone, never on the number of threads.
-fn choose_blocks(springs: &Table<Spring, 2>, spans: &mut [Span], particles: usize) {
+/// Chooses for each span the smallest power of two particles a block that cuts few of its elements. It depends on
+/// the elements alone, never on the number of threads.
+fn choose_blocks(extents: &[[usize; 2]], spans: &mut [Span], particles: usize) {
     let mut span_of = vec![0_u32; particles];
     for (number, span) in (0..).zip(&*spans) {
         span_of[span.slots.clone()].fill(number);
     }
     let mut is_settled = false;
     while !is_settled {
-        spans.iter_mut().for_each(|span| (span.springs, span.cut) = (0, 0));
-        for [lower, upper] in sorted(springs) {
+        spans.iter_mut().for_each(|span| (span.elements, span.cut) = (0, 0));
+        for &[lower, upper] in extents {
             let span = &mut spans[span_of[lower] as usize];
             let [lower, upper] = [lower, upper].map(|slot| (slot - span.slots.start) / span.block);
-            span.springs += 1;
+            span.elements += 1;
             span.cut += usize::from(lower != upper);
         }
         is_settled = true;
         for span in &mut *spans {
-            if span.cut as f32 > MAX_CUT * span.springs as f32 && span.block < span.slots.len() {
+            if span.cut as f32 > MAX_CUT * span.elements as f32 && span.block < span.slots.len() {
                 span.block *= 2;
                 is_settled = false;
             }

@@ -5,6 +5,8 @@
 //! scheme, [`Exclusions`] the contacts, couplings the stability bounds. All of these are caches: pure functions
 //! of the state. An element that is removed leaves them at once.
 
+mod bend_blocks;
+mod bend_runs;
 pub(super) mod block;
 mod blocks;
 mod coincidence;
@@ -19,16 +21,18 @@ mod limits;
 mod neighbours;
 mod nets;
 mod order;
+mod reduction;
 
 use crate::solver::elements::MAX_ENDS;
+pub(super) use bend_runs::{BendList, BendRun};
 pub(super) use blocks::Blocks;
 pub(super) use coincidence::part_coincident;
 pub(super) use colouring::Colouring;
 pub(super) use coupling::{Coupling, for_each_coupling};
-pub(super) use elimination::{Elimination, NodeRun};
+pub(super) use elimination::{BentNode, Elimination, Fill, NodeRun};
 pub(super) use exclusions::{Exclusions, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
-pub(super) use islands::{IslandSet, Islands, has_loops};
+pub(super) use islands::{Island, IslandSet, Islands, has_loops};
 pub(super) use limits::{LimitGroup, Limits};
 pub(super) use neighbours::Neighbours;
 pub(crate) use nets::Nets;

@@ -1,6 +1,7 @@
 //! How large a substep may be: rigorous bounds on the frequencies of a net, and what follows from them.
 
 mod cost;
+mod gas;
 #[cfg(test)]
 mod modes;
 mod plan;
@@ -98,6 +99,16 @@ impl FrequencyBounds {
         particles.inverse_mass().iter().for_each(|inverse| tally.add_particle(*inverse));
         for_each_coupling(elements, particles, |coupling| tally.add_coupling(&coupling));
         tally.bounds(viscosity, has_loops(elements, particles))
+    }
+
+    /// Those with a gas of this ω² at most (1/s²) besides: K is a sum of two, and of sums the largest eigenvalue is at
+    /// most the sum of the largest. A gas is not damped.
+    fn with_gas(mut self, frequency_squared: f64) -> Self {
+        if frequency_squared > 0.0 {
+            self.angular_frequency = (self.angular_frequency.powi(2) + frequency_squared).sqrt();
+            self.retardation_time = 0.0;
+        }
+        self
     }
 
     /// The largest substep in s at which `scheme` is stable for every net within these bounds; may be

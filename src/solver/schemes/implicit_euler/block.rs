@@ -1,6 +1,6 @@
 //! Symmetric 3×3 matrices: what one particle or one spring contributes to the linear system.
 
-use bevy::math::DVec3;
+use bevy::math::{DMat3, DVec3};
 
 /// A symmetric 3×3 matrix.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -49,6 +49,26 @@ impl Symmetric {
             self.xy * vector.x + self.yy * vector.y + self.yz * vector.z,
             self.xz * vector.x + self.yz * vector.y + self.zz * vector.z,
         )
+    }
+
+    /// The same as a matrix like any other.
+    #[inline]
+    pub fn matrix(&self) -> DMat3 {
+        let [x, y, z] = self.columns();
+        DMat3::from_cols(x, y, z)
+    }
+
+    /// `left`ᵀ · `right`, where that is known to be symmetric.
+    #[inline]
+    pub fn of_product(left: &DMat3, right: &DMat3) -> Self {
+        Self {
+            xx: left.x_axis.dot(right.x_axis),
+            yy: left.y_axis.dot(right.y_axis),
+            zz: left.z_axis.dot(right.z_axis),
+            xy: left.x_axis.dot(right.y_axis),
+            xz: left.x_axis.dot(right.z_axis),
+            yz: left.y_axis.dot(right.z_axis),
+        }
     }
 
     /// The columns.

@@ -2,14 +2,15 @@
 //!
 //! A vector has the x of all nodes, then the y, then the z. The matrix exists as its elements only.
 
-use bevy::math::DVec3;
+use bevy::math::{DMat3, DVec3};
 
 use super::block::Symmetric;
+use super::gas::CoreGases;
 use super::system::System;
 use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::{Elimination, NodeRun};
 
-/// The matrix of the core: inertia, a block for some nodes, the links, and the compounds.
+/// The matrix of the core: inertia, a block for some nodes, the links, the compounds, and what eliminated nodes left.
 ///
 /// What the links weigh is rounded to f32: that changes the matrix a little, not that it is symmetric
 /// and positive, and halves what each iteration of conjugate gradients reads.
@@ -22,6 +23,9 @@ pub(super) struct Core {
     along: [Vec<f32>; 3],
     across: Vec<f32>,
     compounds: Vec<CoreCompound>,
+    /// The blocks between nodes that eliminated ones have joined; the first node is the row.
+    fills: Vec<([usize; 2], DMat3)>,
+    gases: CoreGases,
 }
 
 /// An element that couples more than two nodes.
@@ -73,8 +77,9 @@ impl Core {
             z.push(along.z as f32);
             self.across.push((link.across as f32).min(f32::MAX));
         }
+        self.gases.fill(&system.gases, elimination);
         self.compounds.clear();
-        self.compounds.extend(system.compounds.iter().map(|compound| {
+        self.compounds.extend(system.compounds[elimination.tree_compounds..].iter().map(|compound| {
             let (mut ends, mut count) = ([(0, 0.0); MAX_ENDS], 0);
             for end in compound.core_ends(elimination) {
                 ends[count] = end;
@@ -82,6 +87,9 @@ impl Core {
             }
             CoreCompound { ends, count, block: compound.block }
         }));
+        self.fills.clear();
+        let pairs = elimination.fills.iter().map(|pair| pair.map(|node| node as usize));
+        self.fills.extend(pairs.zip(system.wide.fills.iter().copied()));
     }
 
     /// `product` = matrix · `vector`.
@@ -149,6 +157,16 @@ impl Core {
                 }
             }
         }
+        for &([first, second], fill) in &self.fills {
+            let vector = |node: usize| DVec3::new(x[node], y[node], z[node]);
+            let forces = [(first, fill * vector(second)), (second, fill.transpose() * vector(first))];
+            for (node, force) in forces {
+                for (product, force) in product.iter_mut().zip(force.to_array()) {
+                    product[node] += force;
+                }
+            }
+        }
+        self.gases.add_product([x, y, z], &mut product);
     }
 }
 

@@ -13,8 +13,8 @@
 //! The two stages of TR-BDF2 are such steps too (`tr_bdf2.rs`).
 //!
 //! Each island is solved by itself, so that it moves to the bit as it would alone. Newton's method:
-//! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs are
-//! eliminated directly, `conjugate_gradient.rs` solves for the rest.
+//! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs and ropes that
+//! resist bending are eliminated directly, `conjugate_gradient.rs` solves for the rest.
 
 mod block;
 mod clusters;
@@ -22,11 +22,14 @@ mod conjugate_gradient;
 mod contact;
 mod contacts;
 mod core;
+mod gas;
 mod island;
+mod linearised;
 mod newton;
 mod preconditioner;
 mod system;
 mod tr_bdf2;
+mod wide;
 
 use bevy::math::{DVec3, Vec3};
 
@@ -77,7 +80,7 @@ struct Island {
 #[derive(Clone, Copy)]
 struct Step<'a> {
     elements: &'a Elements,
-    field: Field,
+    field: Field<'a>,
     /// Its duration, s.
     h: f64,
     obstacles: &'a Obstacles,
@@ -250,7 +253,8 @@ impl Island {
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
-        let pull = if system.contacts.may_rebound() { system.start_pull(elimination) } else { Vec::new() };
+        let pull =
+            if system.contacts.may_rebound() { system.start_pull(elimination, elements) } else { Vec::new() };
         let System { contacts, position, .. } = &mut *system;
         let rebounds = contacts.may_rebound() && contacts.begin_rebound(position, &pull, resting_speed, h);
         system.contacts.records(elimination, &system.position, h, |record| touching.push(record));

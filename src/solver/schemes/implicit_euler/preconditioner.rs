@@ -84,7 +84,8 @@ impl Preconditioner {
                 link += 1;
             }
         }
-        for compound in &system.compounds {
+        let compounds = &system.compounds[elimination.tree_compounds..];
+        for compound in compounds {
             for (node, weight) in compound.core_ends(elimination) {
                 self.blocks[node] += compound.block.scaled(weight * weight);
             }
@@ -95,7 +96,7 @@ impl Preconditioner {
         let (mut finer_inertia, mut finer_own) = (inertia, own);
         // The group of each end on the level at hand.
         let mut compound_groups: Vec<Vec<(usize, f64)>> =
-            system.compounds.iter().map(|compound| compound.core_ends(elimination).collect()).collect();
+            compounds.iter().map(|compound| compound.core_ends(elimination).collect()).collect();
         for (level, coarse) in elimination.hierarchy.levels.iter().zip(&mut self.coarse) {
             coarse.inertia.clear();
             coarse.inertia.resize(level.count, 0.0);
@@ -115,7 +116,7 @@ impl Preconditioner {
                     self.blocks[end as usize] += block;
                 }
             }
-            for (compound, ends) in system.compounds.iter().zip(&mut compound_groups) {
+            for (compound, ends) in compounds.iter().zip(&mut compound_groups) {
                 coarsen(ends, &level.groups);
                 for (group, weight) in ends {
                     self.blocks[*group] += compound.block.scaled(*weight * *weight);

@@ -8,95 +8,16 @@ use bevy::math::DVec3;
 use super::block::Symmetric;
 use super::contact;
 use super::contacts::Contacts;
-use crate::solver::elements::{Elements, MAX_ENDS, Potential};
+use super::gas::{self, GasTerms};
+use super::linearised::Linearised;
+use super::wide::Wide;
+use crate::solver::elements::{Elements, MAX_ENDS};
 use crate::solver::graph::{Elimination, Linked};
 use crate::solver::particles::Particles;
 use crate::solver::settings::Field;
 
 /// Components of corrections below this are cleared, m.
 const NEGLIGIBLE: f64 = 1e-60;
-
-/// An element with its damper during one step.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Linearised {
-    potential: Potential,
-    /// The direction where it was linearised last; zero where it had none.
-    direction: DVec3,
-}
-
-/// What an element contributes at a position.
-struct Contribution {
-    /// ½ k (‖s‖ − r)², J.
-    pub energy: f64,
-    /// The pull: the force on an end of weight 1, N.
-    pub force: DVec3,
-    /// Second derivatives along and across its direction, made non-negative, N/m.
-    pub along: f64,
-    pub across: f64,
-}
-
-impl Linearised {
-    pub fn new(potential: Potential, start: DVec3) -> Self {
-        let length = start.length();
-        Self { potential, direction: if length > 0.0 { start / length } else { DVec3::ZERO } }
-    }
-
-    /// How much longer than at rest it is at the separation s, m; 0 for a slack cable.
-    fn elongation(&self, separation: DVec3) -> f64 {
-        let elongation = separation.length() - self.potential.rest_length;
-        if self.potential.tension_only { elongation.max(0.0) } else { elongation }
-    }
-
-    /// Its energy at the separation s, J.
-    fn energy(&self, separation: DVec3) -> f64 {
-        0.5 * self.potential.stiffness * self.elongation(separation).powi(2)
-    }
-
-    /// Its tension at the separation s, N.
-    fn tension(&self, separation: DVec3) -> f64 {
-        self.potential.stiffness * self.elongation(separation)
-    }
-
-    /// Linearises it at the separation s.
-    ///
-    /// The Hessian of its energy is k d dᵀ + (T/l) (I − d dᵀ) with the tension T and l = ‖s‖. A step that turns the
-    /// element lengthens it, in second order, and a stiff one then seems to be under a tension that the
-    /// next step takes away again; as a stiffness against turning it would only be in the way. So T is
-    /// the tension that the last linearisation predicts for this place: Newton's method for position
-    /// and tension as two unknowns, which converges alike for every stiffness. T < 0 counts as 0, so
-    /// that the Hessian is positive semi-definite.
-    #[inline]
-    fn linearise(&mut self, separation: DVec3) -> Contribution {
-        let Potential { stiffness, rest_length, tension_only } = self.potential;
-        let squared = separation.length_squared();
-        if tension_only && squared <= rest_length * rest_length {
-            self.direction = if squared > 0.0 { separation / squared.sqrt() } else { DVec3::ZERO };
-            return Contribution { energy: 0.0, force: DVec3::ZERO, along: 0.0, across: 0.0 };
-        }
-        if squared == 0.0 {
-            self.direction = DVec3::ZERO;
-            let across = if rest_length == 0.0 { stiffness } else { 0.0 };
-            let energy = 0.5 * stiffness * rest_length * rest_length;
-            return Contribution { energy, force: DVec3::ZERO, along: across, across };
-        }
-        let length = squared.sqrt();
-        let inverse_length = 1.0 / length;
-        let predicted_length = match rest_length == 0.0 {
-            true => length,
-            false => self.direction.dot(separation),
-        };
-        let elongation = length - rest_length;
-        self.direction = separation * inverse_length;
-        let tension = stiffness * elongation;
-        let across = stiffness * ((predicted_length - rest_length) * inverse_length).max(0.0);
-        Contribution {
-            energy: 0.5 * tension * elongation,
-            force: self.direction * -tension,
-            along: stiffness,
-            across,
-        }
-    }
-}
 
 /// A node that has been eliminated: its step is `own` + `coupling` · (the step of its parent).
 #[derive(Debug, Clone, Copy, Default)]
@@ -134,6 +55,8 @@ pub(super) struct System {
     /// The correction of the positions, m.
     pub step: Vec<DVec3>,
     eliminated: Vec<Eliminated>,
+    /// The same where nodes may have two parents.
+    pub wide: Wide,
     pub sums: Sums,
     /// 1; 0 where the forces of inertia and of elements are left out, and only their stiffness counts.
     pub load: f64,
@@ -143,11 +66,13 @@ pub(super) struct System {
     pub links: Vec<Link>,
     /// The elements of more ends.
     pub compounds: Vec<Compound>,
+    /// What it encloses.
+    pub gases: GasTerms,
     /// With what nothing in the step can move.
     pub contacts: Contacts,
 }
 
-/// The stiffness of an element of more than two ends, all of its free ones in the core.
+/// The stiffness of an element of more than two ends; that of a tree node is in no `block`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Compound {
     pub nodes: Linked,
@@ -190,7 +115,6 @@ impl System {
         h: f64,
     ) {
         self.load = 1.0;
-        let viscosity = f64::from(field.viscosity);
         for (node, &slot) in elimination.slots.iter().enumerate() {
             let slot = slot as usize;
             let start = particles.position.get(slot).as_dvec3();
@@ -199,10 +123,11 @@ impl System {
             self.position[node] = start + h * velocity;
             if node < elimination.free {
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-                self.inertia[node] = mass / (h * h) + viscosity / h;
+                self.inertia[node] = mass / (h * h) + field.drag(slot, mass) / h;
                 self.flight[node] = start + h * particles.free_velocity(slot, field, h);
             }
         }
+        self.gases.begin(elimination, elements);
         self.elements.clear();
         for (&element, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
             let start = self.start[first as usize] - self.start[second as usize];
@@ -227,7 +152,9 @@ impl System {
         }
         self.inertia.resize(count, 0.0);
         self.diagonal.resize(count, Symmetric::default());
-        self.eliminated.resize(elimination.trees, Eliminated::default());
+        let trees = if elimination.bent.is_empty() { elimination.trees } else { 0 };
+        self.eliminated.resize(trees, Eliminated::default());
+        self.wide.resize(elimination);
     }
 
     /// Linearises everything at the present positions, and eliminates the trees from the leaves to
@@ -241,9 +168,14 @@ impl System {
         self.sums = Sums::default();
         self.step[elimination.free..].fill(DVec3::ZERO);
         let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
-        let Self { contacts, position, right, diagonal, compounds, .. } = self;
+        let Self { contacts, gases, position, right, diagonal, compounds, load, .. } = self;
+        let core = core + gases.linearise(elimination, position, *load, right);
         let touched = contacts.linearise(position, contact::Sums { right, diagonal, compounds });
-        core + touched + self.eliminate_trees(elimination)
+        let trees = match elimination.bent.is_empty() {
+            true => self.eliminate_trees(elimination),
+            false => self.eliminate_wide(elimination),
+        };
+        core + touched + trees
     }
 
     /// The value of the potential at the present positions, J.
@@ -258,7 +190,8 @@ impl System {
         let compounds = compounds.map(|(compound, element)| {
             element.energy(combine(&compound.nodes, compound.weights, &self.position))
         });
-        inertial.chain(pairs).chain(compounds).sum::<f64>() + self.contacts.energy(&self.position)
+        let gases = self.gases.energy(elimination, |node| self.position[node]);
+        inertial.chain(pairs).chain(compounds).sum::<f64>() + gases + self.contacts.energy(&self.position)
     }
 
     /// The tensions of the elements at the present positions, dampers included, N.
@@ -272,8 +205,8 @@ impl System {
         }))
     }
 
-    /// The forces of the elements on the nodes at the start of the step, N; dampers have none there.
-    pub fn start_pull(&self, elimination: &Elimination) -> Vec<DVec3> {
+    /// The forces of elements and gases on the nodes at the start of the step, N; dampers have none there.
+    pub fn start_pull(&self, elimination: &Elimination, elements: &Elements) -> Vec<DVec3> {
         let mut pull = vec![DVec3::ZERO; self.start.len()];
         for (element, &[first, second]) in self.elements.iter().zip(&elimination.ends) {
             let [first, second] = [first as usize, second as usize];
@@ -289,6 +222,7 @@ impl System {
                 pull[*node as usize] += force * weight;
             }
         }
+        gas::for_each_force(elimination, elements, |node| self.start[node], |node, push| pull[node] += push);
         pull
     }
 
@@ -328,7 +262,8 @@ impl System {
         self.compounds.truncate(elimination.compounds.len());
         let Self { compounds, elements, position, right, load, .. } = self;
         let load = *load;
-        for (compound, element) in compounds.iter_mut().zip(&mut elements[elimination.elements.len()..]) {
+        let all = compounds.iter_mut().zip(&mut elements[elimination.elements.len()..]);
+        for (compound, element) in all.skip(elimination.tree_compounds) {
             let found = element.linearise(combine(&compound.nodes, compound.weights, position));
             energy += found.energy;
             compound.block = Symmetric::uniaxial(element.direction, found.along, found.across);
@@ -380,12 +315,17 @@ impl System {
         energy
     }
 
-    /// The step of a tree node, from that of its parent.
+    /// The step of a tree node, from those of its parents.
     #[inline]
     pub fn substitute(&mut self, elimination: &Elimination, node: usize) {
-        let Eliminated { own, coupling: [x, y, z] } = self.eliminated[node];
         let parent = self.step[elimination.parents[node] as usize];
-        let step = own + x * parent.x + y * parent.y + z * parent.z;
+        let step = match elimination.bent.get(node) {
+            Some(bent) => self.wide.step(node, [parent, self.step[bent.second_parent as usize]]),
+            None => {
+                let Eliminated { own, coupling: [x, y, z] } = self.eliminated[node];
+                own + x * parent.x + y * parent.y + z * parent.z
+            }
+        };
         // From link to link a step fades, down to subnormal numbers, for which processors take ten times as long.
         let clear = |component: f64| if component.abs() < NEGLIGIBLE { 0.0 } else { component };
         self.step[node] = DVec3::new(clear(step.x), clear(step.y), clear(step.z));

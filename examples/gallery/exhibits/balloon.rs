@@ -1,0 +1,70 @@
+//! A balloon on a string.
+
+use bevy::prelude::*;
+use bevy_egui::egui::Ui;
+use bevy_mass_spring::prelude::*;
+
+use super::{log_slider, slider};
+use crate::gallery::{AppExhibit, Exhibit};
+use crate::stage::{Stage, View};
+
+const EXHIBIT: Exhibit = Exhibit {
+    name: "Balloon",
+    caption: "Gas holds the membranes out: p V is constant. Helium lifts the red balloon on its string, a hand \
+              rests on the blue one. Let some gas out.",
+    view: View { focus: Vec3::new(0.2, 1.1, 0.0), distance: 5.0, yaw: 0.3, pitch: 0.12 },
+};
+
+const RADIUS: f32 = 0.35;
+
+pub fn plugin(app: &mut App) {
+    app.add_exhibit(EXHIBIT, spawn, draw);
+}
+
+fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
+    *environment = Environment { wind: Vec3::new(0.8, 0.0, 0.3), air_density: 1.225, ..default() };
+    stage.floor();
+    let material = BalloonMaterial { area_density: 0.05, ..BalloonMaterial::LATEX };
+    let red = stage.metal(Color::srgb(0.85, 0.08, 0.12));
+    let balloon = Balloon::sphere(Sphere::new(RADIUS)).with_subdivisions(3).with_material(material);
+    // The lift of the air that it displaces, less the weight of the helium.
+    let volume = Sphere::new(RADIUS).volume();
+    let lift = AppliedForce(Vec3::Y * volume * (1.225 - 0.18) * 9.81);
+    let balloon = stage.spawn((balloon, NetMesh::default(), red, Transform::from_xyz(-0.7, 1.9, 0.0)));
+    stage.spawn((PartOf(balloon), Part::All, lift));
+    let knot = stage.spawn((PartOf(balloon), Part::Nearest(Vec3::NEG_Y * RADIUS)));
+    let white = stage.paint(Color::srgb(0.9, 0.9, 0.88));
+    let string = Rope::between(Vec3::new(-0.7, 0.02, 0.0), Vec3::new(-0.7, 1.9 - RADIUS, 0.0))
+        .with_segments(30)
+        .with_radius(0.006)
+        .with_material(RopeMaterial { linear_density: 0.003, ..RopeMaterial::NYLON });
+    stage.spawn((
+        string,
+        RopeMesh::default(),
+        white,
+        related!(Parts[(Part::Start, Pinned), (Part::End, Attachment::to(knot))]),
+    ));
+    let blue = stage.metal(Color::srgb(0.1, 0.3, 0.8));
+    let ball = Balloon::sphere(Sphere::new(0.45))
+        .with_subdivisions(3)
+        .with_pressure(600.0)
+        .with_radius(0.02)
+        .with_material(material);
+    stage.spawn((ball, NetMesh::default(), blue, Transform::from_xyz(0.8, 0.48, 0.0)));
+    let lead = stage.metal(Color::srgb(0.3, 0.3, 0.33));
+    let weight = Mesh3d(stage.meshes.add(Sphere::new(0.18)));
+    stage.spawn((Particle::new(3.0, 0.18), weight, lead, Transform::from_xyz(0.82, 1.9, 0.02)));
+}
+
+fn draw(mut ui: InMut<Ui>, mut balloons: Query<&mut Balloon>, mut environment: ResMut<Environment>) {
+    for (mut balloon, name) in balloons.iter_mut().zip(["pressure, red", "pressure, blue"]) {
+        let mut pressure = balloon.pressure;
+        if log_slider(&mut ui, name, "Pa", &mut pressure, 10.0..=3e3) {
+            balloon.pressure = pressure;
+        }
+    }
+    let mut wind = environment.wind.x;
+    if slider(&mut ui, "wind", "m/s", &mut wind, 0.0..=5.0) {
+        environment.wind.x = wind;
+    }
+}

@@ -1,0 +1,8 @@
+//! Nets as meshes, in an app that has cameras and meshes but neither a window nor a renderer.
+
+mod easing;
+mod ropes;
+mod scene;
+mod surfaces;
+mod tears;
+mod upkeep;
