@@ -11,11 +11,13 @@ mod inside;
 mod jelly;
 mod lattice;
 mod material;
+mod measures;
 mod membrane;
 mod moduli;
 mod net;
 mod path;
 mod places;
+mod queries;
 mod rope;
 mod sheet;
 mod solid;
@@ -23,6 +25,7 @@ mod spool;
 mod tear;
 mod topology;
 mod triangle_mesh;
+mod validation;
 mod weld;
 
 pub use balloon::{Balloon, BalloonShape};
@@ -30,13 +33,16 @@ pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
 pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
+pub(crate) use net::Arrays;
 pub use net::ParticleNet;
 pub use places::{Corner, Side};
+pub use queries::NetHit;
 pub use rope::Rope;
 pub use spool::Spool;
 pub use tear::{Rupture, Split, Tear, pieces, tear};
 pub use topology::{Air, Layout, MeshBinding, Topology};
 pub use triangle_mesh::{MeshVertex, TriangleMesh};
+pub use validation::InvalidTopology;
 
 /// The number of cells of at most `spacing` along `length`, m. A length that is a multiple of the spacing but for its
 /// rounding is one.

@@ -17,6 +17,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.adopt_particles();
         let absent = self.adopt_springs();
         self.adopt_planes();
+        let nets = self.candidates.all_nets.iter().collect();
+        self.state.nets.adopt(nets);
         self.register_unknown();
         self.complete_initial_state();
         self.simulation.fresh.clear();
@@ -93,7 +95,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn complete_initial_state(&mut self) {
         let initial = &mut self.bookkeeping.initial;
         let recorded = initial.entities();
-        let MassSpringState { particles, springs, planes, .. } = &mut *self.state;
+        let MassSpringState { particles, springs, nets, planes, .. } = &mut *self.state;
         for entry in &mut particles.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
             let data = self.candidates.particles.get(entry.entity).ok().filter(|_| !entry.is_recorded);
@@ -111,6 +113,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
             if let Some((spring, ..)) = data {
                 initial.record_spring(entry.entity, *spring);
                 entry.is_recorded = true;
+            }
+        }
+        for net in &mut nets.entries {
+            net.is_recorded = recorded.contains(&net.entity);
+            let data = self.candidates.nets.get(net.entity).ok().filter(|_| !net.is_recorded);
+            if let Some((data, transform, _)) = data {
+                initial.record_net(net.entity, &data, transform);
+                net.is_recorded = true;
             }
         }
         for plane in planes {

@@ -4,6 +4,7 @@ use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities,
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
+use crate::nets::ParticleNet;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::TickReport;
 use crate::solver::Measurements;
@@ -38,6 +39,7 @@ use super::state::MassSpringState;
 pub struct Snapshot {
     particles: Vec<ParticleRecord>,
     springs: Vec<SpringRecord>,
+    nets: Vec<NetRecord>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
@@ -65,6 +67,16 @@ struct ParticleRecord {
     is_quarantined: bool,
 }
 
+/// The components of a net.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+struct NetRecord {
+    entity: Entity,
+    net: ParticleNet,
+    translation: Vec3,
+    rotation: Quat,
+}
+
 /// The components of a plane.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
@@ -80,7 +92,7 @@ struct PlaneRecord {
 #[error("the snapshot has {expected} {what}, the world {found}")]
 #[non_exhaustive]
 pub struct SnapshotError {
-    /// Particles, springs or planes.
+    /// Particles, springs, nets or planes.
     pub what: &'static str,
     /// Their number in the snapshot.
     pub expected: usize,
@@ -89,7 +101,7 @@ pub struct SnapshotError {
 }
 
 impl Snapshot {
-    /// Takes a snapshot of all particles, springs and planes. It changes nothing.
+    /// Takes a snapshot of all particles, springs, nets and planes. It changes nothing.
     ///
     /// Between two ticks positions are those of the last one, not those that interpolation shows.
     ///
@@ -101,11 +113,12 @@ impl Snapshot {
         let particles = particles.filter_map(|entity| ParticleRecord::of(world, entity)).collect();
         let springs = state.springs.entities();
         let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
+        let nets = state.nets.entities().filter_map(|entity| NetRecord::of(world, entity)).collect();
         let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
-        Self { particles, springs, planes, state: Some(state.clone()) }
+        Self { particles, springs, nets, planes, state: Some(state.clone()) }
     }
 
-    /// Puts all particles, springs and planes of the snapshot back that still exist, and the solver with them.
+    /// Puts all particles, springs, nets and planes of the snapshot back that still exist, and the solver with them.
     ///
     /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
     /// planes return to what they were; particles that were quarantined and springs that broke
@@ -123,7 +136,7 @@ impl Snapshot {
     /// simulation there becomes the first one of the snapshot, and so on.
     ///
     /// # Errors
-    /// If the world has another number of particles, springs or planes. Nothing is changed then.
+    /// If the world has another number of particles, springs, nets or planes. Nothing is changed then.
     ///
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
@@ -132,6 +145,7 @@ impl Snapshot {
         let pairs = [
             ("particles", self.particle_entities(), present.particle_entities()),
             ("springs", self.spring_entities(), present.spring_entities()),
+            ("nets", self.net_entities(), present.net_entities()),
             ("planes", self.plane_entities(), present.plane_entities()),
         ];
         let mut map = EntityHashMap::default();
@@ -156,12 +170,16 @@ impl Snapshot {
         self.springs.iter().map(|record| record.entity).collect()
     }
 
+    fn net_entities(&self) -> Vec<Entity> {
+        self.nets.iter().map(|record| record.entity).collect()
+    }
+
     fn plane_entities(&self) -> Vec<Entity> {
         self.planes.iter().map(|record| record.entity).collect()
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, planes, state } = self;
+        let Self { particles, springs, nets, planes, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -170,6 +188,7 @@ impl Snapshot {
             }
         }
         springs.iter().for_each(|record| record.restore(world));
+        nets.into_iter().for_each(|record| record.restore(world));
         planes.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
@@ -185,6 +204,7 @@ impl MapEntities for Snapshot {
             record.entity = mapper.get_mapped(record.entity);
             record.spring.map_entities(mapper);
         }
+        self.nets.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
             state.map_entities(mapper);
@@ -230,6 +250,23 @@ fn set_marker<T: Component>(entity: &mut EntityWorldMut, marker: T, is_present: 
     };
 }
 
+impl NetRecord {
+    fn of(world: &World, entity: Entity) -> Option<Self> {
+        let transform = world.get::<Transform>(entity)?;
+        let net = world.get::<ParticleNet>(entity)?.clone();
+        Some(Self { entity, net, translation: transform.translation, rotation: transform.rotation })
+    }
+
+    fn restore(self, world: &mut World) {
+        if let Some(mut net) = world.get_mut::<ParticleNet>(self.entity) {
+            *net = self.net;
+            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
+                (transform.translation, transform.rotation) = (self.translation, self.rotation);
+            }
+        }
+    }
+}
+
 impl SpringRecord {
     fn of(world: &World, entity: Entity) -> Option<Self> {
         let entity = world.get_entity(entity).ok()?;
@@ -269,10 +306,11 @@ pub(super) struct InitialState(Snapshot);
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        let Snapshot { particles, springs, planes, .. } = &self.0;
+        let Snapshot { particles, springs, nets, planes, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
         let springs = springs.iter().map(|record| record.entity);
-        particles.chain(springs).chain(planes.iter().map(|record| record.entity)).collect()
+        let nets = nets.iter().map(|record| record.entity);
+        particles.chain(springs).chain(nets).chain(planes.iter().map(|record| record.entity)).collect()
     }
 
     pub fn record_particle(
@@ -301,6 +339,11 @@ impl InitialState {
         self.0.springs.push(SpringRecord { entity, spring, is_broken: false });
     }
 
+    pub fn record_net(&mut self, entity: Entity, net: &ParticleNet, transform: &Transform) {
+        let Transform { translation, rotation, .. } = *transform;
+        self.0.nets.push(NetRecord { entity, net: net.clone(), translation, rotation });
+    }
+
     pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {
         let Transform { translation, rotation, .. } = *transform;
         self.0.planes.push(PlaneRecord { entity, plane, translation, rotation });
@@ -311,7 +354,8 @@ impl InitialState {
 pub(crate) fn take_initial_state(world: &mut World) {
     let snapshot = Snapshot::take(world);
     let mut state = world.resource_mut::<MassSpringState>();
-    let MassSpringState { particles, springs, planes, .. } = &mut *state;
+    let MassSpringState { particles, springs, nets, planes, .. } = &mut *state;
+    nets.entries.iter_mut().for_each(|net| net.is_recorded = true);
     particles.entries.iter_mut().chain(&mut springs.entries).for_each(|entry| entry.is_recorded = true);
     planes.iter_mut().for_each(|plane| plane.is_recorded = true);
     world.resource_mut::<InitialState>().0 = snapshot;
