@@ -20,6 +20,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let nets = self.candidates.all_nets.iter().collect();
         self.state.nets.adopt(nets);
         self.register_unknown();
+        self.place_parts();
         self.complete_initial_state();
         self.simulation.fresh.clear();
         self.simulation.fresh.resize(self.state.particles.slots.len(), false);
@@ -130,11 +131,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Copies the parameters of all springs in the simulation; those with other ends are pending from now on.
     fn copy_all_springs(&mut self) {
-        let Candidates { particles, springs, .. } = &self.candidates;
+        let Candidates { particles, parts, springs, .. } = &self.candidates;
         let mut relinked = Vec::new();
         for &entity in self.state.springs.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
             let Ok((spring, _, slot)) = springs.get(entity) else { continue };
-            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
+            let slot_of = |end| match particles.get(end) {
+                Ok((.., slot)) => slot.get(),
+                Err(_) => parts.get(end).ok().and_then(|(_, part)| part.slot).map(|slot| slot as usize),
+            };
             if slot.get().is_some_and(|slot| !copy_spring(spring, slot, slot_of, &mut self.state.solver)) {
                 relinked.push(entity);
             }

@@ -82,7 +82,12 @@ pub(super) fn gather(
 ) {
     gathered.start = Some(Instant::now());
     let (state, simulation) = (&mut *state, &mut *simulation);
-    let edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
+    let mut edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
+    if !gathered_nets.relinked_parts.is_empty() {
+        edits.relinked.extend(queries.p0().ending_in(&gathered_nets.relinked_parts));
+        edits.retry = true;
+        gathered_nets.relinked_parts.clear();
+    }
     slots::refresh_slots(state, simulation, edits, queries.p1(), &mut gathered_nets, &mut bookkeeping);
     let warnings = &mut bookkeeping.warnings;
     let places = sample_nets(state, &gathered_nets, &queries.p3());

@@ -17,6 +17,7 @@ mod gather;
 mod hierarchy;
 mod nets;
 mod planes;
+mod records;
 mod registry;
 mod relocate;
 mod rigid;
@@ -94,12 +95,17 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(nets::register_net)
         .add_observer(nets::mark_replaced)
         .add_observer(nets::unregister_net)
+        .add_observer(nets::unlink_part)
+        .add_observer(nets::relink_part)
+        .add_observer(nets::note_despawned_part)
         .add_systems(
             schedule,
             (
-                gather::gather.in_set(MassSpringSystems::Gather),
+                (nets::gather_parts.run_if(nets::any_nets), gather::gather)
+                    .chain()
+                    .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
-                (scatter::scatter, nets::scatter_nets.run_if(nets::any_nets))
+                (scatter::scatter, (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets))
                     .chain()
                     .in_set(MassSpringSystems::Scatter),
             ),

@@ -6,7 +6,7 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
-use crate::nets::ParticleNet;
+use crate::nets::{PartOf, PartState, ParticleNet};
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
@@ -39,6 +39,9 @@ type SpringData = (&'static Spring, (Has<Disabled>, Has<Broken>), &'static mut S
 /// All nets.
 pub(super) type NetQuery<'w, 's> = Query<'w, 's, NetData, Allow<Disabled>>;
 
+/// A part, and the net of which it is one.
+pub(super) type PartOfNet = (&'static PartOf, &'static mut PartState);
+
 type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
 
 /// All entities that may have a slot.
@@ -47,6 +50,7 @@ pub(super) struct Candidates<'w, 's> {
     pub particles: Query<'w, 's, ParticleData, Allow<Disabled>>,
     pub springs: Query<'w, 's, SpringData, Allow<Disabled>>,
     pub nets: NetQuery<'w, 's>,
+    pub parts: Query<'w, 's, PartOfNet, Allow<Disabled>>,
     pub all_nets: Query<'w, 's, Entity, (With<ParticleNet>, Allow<Disabled>)>,
     pub orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
     /// All of these, and the planes.
@@ -152,6 +156,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             Some(old_nets.positions.get(old))
         });
         self.add_nets(old_nets, &mut new_slots);
+        self.place_parts();
         self.add_new_springs();
         self.remember_springs(&old_springs);
         self.state.solver.renumber_contacts(&new_slots);
@@ -186,6 +191,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.state.solver.renumber(&new_slots);
         let places = self.state.nets.entries.iter_mut().filter_map(|net| net.place.as_mut());
         places.for_each(|place| place.renumber(&new_slots));
+        self.place_parts();
     }
 
     /// Empties the slots of what was removed and appends what was added.
@@ -205,7 +211,11 @@ impl Assignment<'_, '_, '_, '_, '_> {
         }
         self.remove_nets();
         self.add_particles(|_, _, _| None);
+        let any_nets = self.state.nets.is_pending;
         self.add_nets(Past::default(), &mut []);
+        if any_nets || edits.retry {
+            self.place_parts();
+        }
         // Springs that have been pending for long stay so where no particle was added for which they might wait.
         let any_added = self.state.particles.slots.len() > present;
         let first = if any_added || edits.retry || !self.state.despawned.is_empty() { 0 } else { waited };
@@ -311,7 +321,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Gives a spring a slot, or leaves it pending.
     fn add_spring(&mut self, entity: Entity) {
-        let Candidates { particles, springs, .. } = &mut self.candidates;
+        let Candidates { particles, parts, springs, .. } = &mut self.candidates;
         let Ok((spring, (is_disabled, is_broken), mut slot)) = springs.get_mut(entity) else { return };
         if slot.get().is_some() {
             return;
@@ -326,7 +336,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.state.pending.push(entity);
             return;
         }
-        match resolve_spring(spring, particles) {
+        match resolve_spring(spring, particles, parts) {
             Ok(Some(ends)) => {
                 slot.set(Some(self.state.springs.slots.len()));
                 self.state.springs.slots.push(entity);

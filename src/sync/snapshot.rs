@@ -4,13 +4,13 @@ use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities,
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
-use crate::nets::ParticleNet;
+use crate::nets::{PartState, ParticleNet, Parts};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::TickReport;
 use crate::solver::Measurements;
 use crate::spring::{Broken, Spring};
 
-use super::easing;
+use super::records::{NetRecord, PartRecord, ParticleRecord, PlaneRecord, SpringRecord};
 use super::state::MassSpringState;
 
 /// All that the next ticks of the simulation depend on, but for settings and [`Environment`](crate::Environment).
@@ -40,51 +40,10 @@ pub struct Snapshot {
     particles: Vec<ParticleRecord>,
     springs: Vec<SpringRecord>,
     nets: Vec<NetRecord>,
+    parts: Vec<PartRecord>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
-}
-
-/// The components of a spring.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct SpringRecord {
-    entity: Entity,
-    spring: Spring,
-    is_broken: bool,
-}
-
-/// The components of a particle.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct ParticleRecord {
-    entity: Entity,
-    particle: Particle,
-    translation: Vec3,
-    velocity: ParticleVelocity,
-    force: Option<AppliedForce>,
-    is_pinned: bool,
-    is_quarantined: bool,
-}
-
-/// The components of a net.
-#[derive(Debug, Clone)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct NetRecord {
-    entity: Entity,
-    net: ParticleNet,
-    translation: Vec3,
-    rotation: Quat,
-}
-
-/// The components of a plane.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct PlaneRecord {
-    entity: Entity,
-    plane: PlaneCollider,
-    translation: Vec3,
-    rotation: Quat,
 }
 
 /// Why a [`Snapshot`] does not fit into a world.
@@ -115,7 +74,10 @@ impl Snapshot {
         let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
         let nets = state.nets.entities().filter_map(|entity| NetRecord::of(world, entity)).collect();
         let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
-        Self { particles, springs, nets, planes, state: Some(state.clone()) }
+        let parts_of = |net: Entity| world.get::<Parts>(net).map_or(&[][..], Parts::entities);
+        let parts = state.nets.entities().flat_map(|net| parts_of(net).iter().map(move |part| (net, *part)));
+        let parts = parts.filter_map(|(net, part)| PartRecord::of(world, net, part)).collect();
+        Self { particles, springs, nets, parts, planes, state: Some(state.clone()) }
     }
 
     /// Puts all particles, springs, nets and planes of the snapshot back that still exist, and the solver with them.
@@ -146,6 +108,7 @@ impl Snapshot {
             ("particles", self.particle_entities(), present.particle_entities()),
             ("springs", self.spring_entities(), present.spring_entities()),
             ("nets", self.net_entities(), present.net_entities()),
+            ("parts", self.part_entities(), present.part_entities()),
             ("planes", self.plane_entities(), present.plane_entities()),
         ];
         let mut map = EntityHashMap::default();
@@ -174,12 +137,16 @@ impl Snapshot {
         self.nets.iter().map(|record| record.entity).collect()
     }
 
+    fn part_entities(&self) -> Vec<Entity> {
+        self.parts.iter().map(|record| record.entity).collect()
+    }
+
     fn plane_entities(&self) -> Vec<Entity> {
         self.planes.iter().map(|record| record.entity).collect()
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, nets, planes, state } = self;
+        let Self { particles, springs, nets, parts, planes, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -189,6 +156,7 @@ impl Snapshot {
         }
         springs.iter().for_each(|record| record.restore(world));
         nets.into_iter().for_each(|record| record.restore(world));
+        parts.into_iter().for_each(|record| record.restore(world));
         planes.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
@@ -205,96 +173,12 @@ impl MapEntities for Snapshot {
             record.spring.map_entities(mapper);
         }
         self.nets.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
+        for record in &mut self.parts {
+            (record.entity, record.net) = (mapper.get_mapped(record.entity), mapper.get_mapped(record.net));
+        }
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
             state.map_entities(mapper);
-        }
-    }
-}
-
-impl ParticleRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let entity = world.get_entity(entity).ok()?;
-        Some(Self {
-            entity: entity.id(),
-            particle: *entity.get()?,
-            translation: easing::exact_translation(world, entity)?,
-            velocity: *entity.get()?,
-            force: entity.get().copied(),
-            is_pinned: entity.contains::<Pinned>(),
-            is_quarantined: entity.contains::<Quarantined>(),
-        })
-    }
-
-    fn restore(&self, entity: &mut EntityWorldMut) {
-        entity.insert((self.particle, self.velocity));
-        if let Some(mut transform) = entity.get_mut::<Transform>() {
-            transform.translation = self.translation;
-        }
-        easing::reset(entity);
-        match self.force {
-            Some(force) => entity.insert(force),
-            None => entity.remove::<AppliedForce>(),
-        };
-        set_marker(entity, Pinned, self.is_pinned);
-        set_marker(entity, Quarantined, self.is_quarantined);
-    }
-}
-
-/// Inserts or removes a component without a value.
-fn set_marker<T: Component>(entity: &mut EntityWorldMut, marker: T, is_present: bool) {
-    match is_present {
-        true if entity.contains::<T>() => entity,
-        true => entity.insert(marker),
-        false => entity.remove::<T>(),
-    };
-}
-
-impl NetRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let transform = world.get::<Transform>(entity)?;
-        let net = world.get::<ParticleNet>(entity)?.clone();
-        Some(Self { entity, net, translation: transform.translation, rotation: transform.rotation })
-    }
-
-    fn restore(self, world: &mut World) {
-        if let Some(mut net) = world.get_mut::<ParticleNet>(self.entity) {
-            *net = self.net;
-            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
-                (transform.translation, transform.rotation) = (self.translation, self.rotation);
-            }
-        }
-    }
-}
-
-impl SpringRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let entity = world.get_entity(entity).ok()?;
-        Some(Self { entity: entity.id(), spring: *entity.get()?, is_broken: entity.contains::<Broken>() })
-    }
-
-    fn restore(&self, world: &mut World) {
-        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
-        if let Some(mut spring) = entity.get_mut::<Spring>() {
-            spring.set_if_neq(self.spring);
-            set_marker(&mut entity, Broken, self.is_broken);
-        }
-    }
-}
-
-impl PlaneRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let transform = world.get::<Transform>(entity)?;
-        let plane = *world.get::<PlaneCollider>(entity)?;
-        Some(Self { entity, plane, translation: transform.translation, rotation: transform.rotation })
-    }
-
-    fn restore(&self, world: &mut World) {
-        if let Some(mut plane) = world.get_mut::<PlaneCollider>(self.entity) {
-            plane.set_if_neq(self.plane);
-            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
-                (transform.translation, transform.rotation) = (self.translation, self.rotation);
-            }
         }
     }
 }
@@ -342,6 +226,22 @@ impl InitialState {
     pub fn record_net(&mut self, entity: Entity, net: &ParticleNet, transform: &Transform) {
         let Transform { translation, rotation, .. } = *transform;
         self.0.nets.push(NetRecord { entity, net: net.clone(), translation, rotation });
+    }
+
+    /// Records a part once.
+    pub fn record_part(
+        &mut self,
+        entity: Entity,
+        net: Entity,
+        (transform, velocity, force, is_pinned): (&Transform, Vec3, Option<AppliedForce>, bool),
+        state: &PartState,
+    ) {
+        if self.0.parts.iter().any(|record| record.entity == entity) {
+            return;
+        }
+        let (Transform { translation, rotation, .. }, state) = (*transform, state.clone());
+        let record = PartRecord { entity, net, translation, rotation, velocity, force, is_pinned, state };
+        self.0.parts.push(record);
     }
 
     pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {

@@ -5,5 +5,6 @@ mod common;
 
 mod entities;
 mod faults;
+mod parts;
 mod shapes;
 mod snapshots;

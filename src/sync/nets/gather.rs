@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::ecs::change_detection::Tick;
-use bevy::ecs::entity::EntityHashMap;
+use bevy::ecs::entity::{EntityHashMap, EntityHashSet};
 use bevy::prelude::*;
 
 use super::super::Simulation;
@@ -23,6 +23,8 @@ pub(in crate::sync) struct GatheredNets {
     pub known: Vec<KnownNet>,
     /// The number of each net.
     pub index: EntityHashMap<usize>,
+    /// Parts that have other particles, or none any more: springs that end in them are joined anew.
+    pub relinked_parts: EntityHashSet,
     /// The particles that are pinned, in ascending order: working memory.
     pins: Vec<u32>,
 }

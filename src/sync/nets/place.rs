@@ -3,12 +3,13 @@
 use std::iter::repeat_n;
 use std::sync::Arc;
 
+use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::prelude::*;
 
 use super::super::slots::Assignment;
 use super::registry::{NetPlace, RegisteredNet};
-use crate::nets::{ParticleNet, Topology};
+use crate::nets::{PartOf, ParticleNet, Topology};
 use crate::parameter;
 use crate::particle::SimulationOrder;
 use crate::solver::particles::Vectors;
@@ -128,6 +129,23 @@ impl Assignment<'_, '_, '_, '_, '_> {
             if self.state.nets.entries[index].place.is_none() {
                 self.add_net(index, old.as_ref().map(|old| (old, &past)), new_slots);
             }
+        }
+    }
+
+    /// Tells the parts of one particle its slot.
+    pub fn place_parts(&mut self) {
+        if self.candidates.parts.is_empty() {
+            return;
+        }
+        let entries = self.state.nets.entries.iter();
+        let places: EntityHashMap<&NetPlace> =
+            entries.filter_map(|net| Some((net.entity, net.place.as_ref()?))).collect();
+        for (PartOf(net), mut part) in &mut self.candidates.parts {
+            let slot = match part.particles[..] {
+                [particle] => places.get(net).map(|place| place.slot(particle as usize) as u32),
+                _ => None,
+            };
+            part.bypass_change_detection().slot = slot;
         }
     }
 
