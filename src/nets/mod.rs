@@ -4,6 +4,7 @@
 //! state of one net that is laid out by it.
 
 mod balloon;
+mod breaking;
 mod cloth;
 mod error;
 mod icosphere;
@@ -30,7 +31,10 @@ mod topology;
 mod triangle_mesh;
 mod validation;
 mod weld;
+mod winch;
 
+pub use breaking::Breaking;
+pub(crate) use breaking::Damage;
 pub use balloon::{Balloon, BalloonShape};
 pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
@@ -50,6 +54,7 @@ pub use tear::{Rupture, Split, Tear, pieces, tear};
 pub use topology::{Air, Layout, MeshBinding, Topology};
 pub use triangle_mesh::{MeshVertex, TriangleMesh};
 pub use validation::InvalidTopology;
+pub use winch::Winch;
 
 /// The number of cells of at most `spacing` along `length`, m. A length that is a multiple of the spacing but for its
 /// rounding is one.

@@ -25,6 +25,7 @@ const SHORTEST: f64 = 0.5;
 
 /// What a rope on a winch remembers.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spool {
     /// The particles along the rope, from the first one, which is at the winch.
     chain: Vec<u32>,
@@ -46,6 +47,7 @@ pub struct Spool {
 
 /// A link when it is all outside.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 struct Link {
     number: u32,
     spring: Spring,

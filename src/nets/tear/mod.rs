@@ -34,6 +34,8 @@ pub struct Rupture {
 pub struct Tear {
     /// The particles that were split, in this order.
     pub splits: Vec<Split>,
+    /// The broken springs that go on as they are and cannot break again: nothing is left that could be split.
+    pub held: Vec<u32>,
 }
 
 /// A particle that was split: some triangles have a new one in its place, which got the next number.
@@ -54,7 +56,7 @@ pub struct Split {
 /// Particles and springs keep their numbers. The mass of a split particle is shared by the area of its triangles, and
 /// all copies begin where it was, with its velocity: mass, momentum and kinetic energy are as before. Springs and
 /// bends go to the copies that have their triangles; a spring along an edge that opened is divided between both
-/// sides; bends across it are removed (their stiffness is 0 then). No energy is added.
+/// sides; bends across it are removed (their stiffness is 0 then). What gas it enclosed escapes. No energy is added.
 ///
 /// Springs that are not part of a surface, as in ropes and lattices, are removed (their stiffness is 0), with the bends
 /// over them. Numbers beyond the last spring count for nothing.
@@ -91,6 +93,10 @@ pub fn tear(
     reattach(topology, &surface, &before, &tear);
     for (rupture, is_split) in remains {
         relax(topology, positions, rupture, is_split);
+        tear.held.extend((!is_split).then_some(rupture.spring));
+    }
+    if !tear.splits.is_empty() {
+        topology.pressure = None;
     }
     tear
 }
