@@ -5,10 +5,10 @@ use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
 use crate::nets::{PartState, ParticleNet, Parts};
-use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::particle::{AppliedForce, Particle, ParticleVelocity};
 use crate::report::TickReport;
 use crate::solver::Measurements;
-use crate::spring::{Broken, Spring};
+use crate::spring::Spring;
 
 use super::records::{NetRecord, PartRecord, ParticleRecord, PlaneRecord, SpringRecord};
 use super::state::MassSpringState;

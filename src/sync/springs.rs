@@ -124,8 +124,8 @@ pub(super) enum SpringProblem {
     Loop(Entity),
     #[error("its end {0} is a part of {1} particles, expected one")]
     Several(Entity, usize),
-    #[error("both of its ends are particle {1} of a net, by its parts {} and {}", .0[0], .0[1])]
-    SameParticle([Entity; 2], u32),
+    #[error("both of its ends, the parts {0} and {1}, are particle {2} of a net")]
+    SameParticle(Entity, Entity, u32),
 }
 
 /// The slots of a spring's ends; `None` if an end is a particle that takes no part at present.
@@ -153,7 +153,7 @@ pub(super) fn resolve_spring(
     let (first, second) = (slot_of(first)?, slot_of(second)?);
     if first.is_some() && first == second {
         let particle = parts.get(ends[0]).ok().and_then(|(_, part)| part.particles.first().copied());
-        return Err(SpringProblem::SameParticle(ends, particle.unwrap_or_default()));
+        return Err(SpringProblem::SameParticle(ends[0], ends[1], particle.unwrap_or_default()));
     }
     Ok(first.zip(second).map(|(first, second)| [first, second]))
 }

@@ -176,7 +176,10 @@ impl ActingParts<'_, '_, '_, '_> {
             *place = motion.transform_point3(place.as_dvec3()).as_vec3();
         }
         let turn = DQuat::from_mat3(&motion.matrix3);
-        for &part in parts.iter().filter(|part| is_carried(self.queries, **part)) {
+        for &part in parts {
+            if !is_carried(self.queries, part) {
+                continue;
+            }
             if let Ok(mut transform) = self.queries.transforms.get_mut(part) {
                 transform.translation = motion.transform_point3(transform.translation.as_dvec3()).as_vec3();
                 transform.rotation = (turn * transform.rotation.as_dquat()).normalize().as_quat();
