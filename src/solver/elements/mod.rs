@@ -9,6 +9,7 @@
 
 mod air;
 mod bend;
+mod bulk;
 mod element;
 mod failure;
 mod gas;
