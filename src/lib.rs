@@ -79,7 +79,10 @@ pub mod prelude {
     pub use crate::environment::{Environment, Gusts};
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
-    pub use crate::nets::ParticleNet;
+    pub use crate::nets::{
+        Balloon, BalloonMaterial, Cloth, ClothMaterial, Corner, Jelly, JellyMaterial, ParticleNet, Rope,
+        RopeMaterial, Side,
+    };
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
     pub use crate::particle::{

@@ -4,6 +4,9 @@
 //! state of one net that is laid out by it.
 
 mod balloon;
+#[cfg(feature = "render")]
+mod bevy_mesh;
+mod breaking;
 mod cloth;
 mod error;
 mod icosphere;
@@ -24,12 +27,19 @@ mod queries;
 mod rope;
 mod sheet;
 mod solid;
+mod spool;
+mod tear;
 mod topology;
 mod triangle_mesh;
 mod validation;
 mod weld;
+mod winch;
 
 pub use balloon::{Balloon, BalloonShape};
+#[cfg(feature = "render")]
+pub use bevy_mesh::ATTRIBUTE_PIN;
+pub use breaking::Breaking;
+pub(crate) use breaking::Damage;
 pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
@@ -43,9 +53,12 @@ pub use places::{Corner, Side};
 pub(crate) use pose::NetPose;
 pub use queries::NetHit;
 pub use rope::Rope;
+pub use spool::Spool;
+pub use tear::{Rupture, Split, Tear, pieces, tear};
 pub use topology::{Air, Layout, MeshBinding, Topology};
 pub use triangle_mesh::{MeshVertex, TriangleMesh};
 pub use validation::InvalidTopology;
+pub use winch::Winch;
 
 /// The number of cells of at most `spacing` along `length`, m. A length that is a multiple of the spacing but for its
 /// rounding is one.

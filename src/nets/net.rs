@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bevy::prelude::*;
 
-use super::Topology;
+use super::{Breaking, Spool, Topology};
 
 /// Many particles and what joins them, on one entity: a rope, a cloth, a jelly, a balloon.
 ///
@@ -24,21 +24,25 @@ use super::Topology;
 #[require(Transform)]
 pub struct ParticleNet {
     #[cfg_attr(feature = "serialize", serde(with = "shared"))]
-    topology: Arc<Topology>,
-    positions: Vec<Vec3>,
-    velocities: Vec<Vec3>,
+    pub(super) topology: Arc<Topology>,
+    pub(super) positions: Vec<Vec3>,
+    pub(super) velocities: Vec<Vec3>,
     /// In ascending order.
     pinned: Vec<u32>,
     /// In ascending order.
     quarantined: Vec<u32>,
     /// In ascending order.
-    broken: Vec<u32>,
+    pub(super) broken: Vec<u32>,
     /// One a particle, or none.
-    applied_forces: Vec<Vec3>,
+    pub(super) applied_forces: Vec<Vec3>,
     /// What parts do in this tick.
-    parts: PartActions,
+    pub(super) parts: PartActions,
     /// The tension of each spring at the end of the last tick, N; empty if it was not asked for.
-    tensions: Vec<f32>,
+    pub(super) tensions: Vec<f32>,
+    /// What the springs were given by the component [`Breaking`].
+    pub(super) breaking: Breaking,
+    /// What is known of the rope on a winch.
+    pub(super) spool: Option<Box<Spool>>,
 }
 
 /// What the parts of a net do to it in a tick; found anew in each.
@@ -100,6 +104,7 @@ impl ParticleNet {
         self.broken.retain(|spring| (*spring as usize) < topology.springs.len());
         self.parts = PartActions::default();
         self.tensions.clear();
+        (self.breaking, self.spool) = (Breaking::default(), None);
         self.topology = topology;
     }
 

@@ -358,7 +358,7 @@ impl Elements {
     /// Calls `visit` for each spring that acts: its length and its rest length in m.
     pub(super) fn for_each_spring(&self, position: &Vectors, mut visit: impl FnMut(f64, f64)) {
         self.springs.for_each_acting(|_, ends, spring| {
-            visit(combine(ends, spring, position).length(), spring.rest_length.into());
+            visit(combine(ends, spring, position).length(), Element::rest_length(spring));
         });
     }
 
