@@ -61,6 +61,7 @@ pub(crate) struct Arrays<'a> {
     pub velocities: &'a mut [Vec3],
     pub tensions: &'a mut Vec<f32>,
     pub parts: &'a mut PartActions,
+    pub pinned: &'a [u32],
 }
 
 impl ParticleNet {
@@ -226,8 +227,8 @@ impl ParticleNet {
     }
 
     pub(crate) fn arrays_mut(&mut self) -> Arrays<'_> {
-        let Self { positions, velocities, tensions, parts, .. } = self;
-        Arrays { positions, velocities, tensions, parts }
+        let Self { positions, velocities, tensions, parts, pinned, .. } = self;
+        Arrays { positions, velocities, tensions, parts, pinned }
     }
 }
 

@@ -22,8 +22,8 @@ use super::registry::{Registry, Slot};
 ///
 /// Rollback libraries and save games store a clone of it together with the components [`Particle`],
 /// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
-/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`PlaneCollider`] and
-/// `Transform` (that of parents, too). With all of these put back,
+/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`],
+/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`PlaneCollider`] and `Transform` (that of parents, too). With all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
 /// [`Snapshot`](crate::snapshot::Snapshot) does all of that.

@@ -6,5 +6,6 @@ mod common;
 mod entities;
 mod faults;
 mod parts;
+mod recipes;
 mod shapes;
 mod snapshots;

@@ -35,7 +35,7 @@ fn the_syntax_of_the_documents_compiles_and_pins() {
     assert!(after[4].distance(before[4] + Vec3::Y * 0.5) < 1e-6, "{}", after[4]);
     app.world_mut().entity_mut(first).despawn();
     run(&mut app, 10);
-    assert!(net(&app, rope).positions()[0].y < 2.0, "let go");
+    assert!(net(&app, rope).positions()[0].distance(before[0]) > 0.01, "let go");
     app.world_mut().entity_mut(rope).despawn();
     run(&mut app, 1);
     assert!(app.world().get::<Children>(hand).is_none(), "parts go with their net");
@@ -92,8 +92,9 @@ fn a_pinned_side_follows_its_transform_rigidly() {
         assert!(after.distance(expected) < 1e-6, "{after} instead of {expected}");
     }
     app.world_mut().entity_mut(edge).remove::<Pinned>();
+    let held = net(&app, entity).positions()[30];
     run(&mut app, 20);
-    assert!(net(&app, entity).positions()[30].y < 2.95, "free again");
+    assert!(net(&app, entity).positions()[30].distance(held) > 0.01, "free again");
     let mean = net(&app, entity).positions()[30..].iter().sum::<Vec3>() / 6.0;
     assert!(position(&app, edge).distance(mean) < 1e-5, "and it is where they are");
 }

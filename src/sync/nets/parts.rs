@@ -12,7 +12,7 @@ use super::super::hierarchy::{to_local, to_world, world_transform};
 use super::super::snapshot::InitialState;
 use super::super::state::{MassSpringState, Warnings};
 use super::gather::GatheredNets;
-use crate::nets::{NetPose, Part, PartOf, PartState, ParticleNet, Parts};
+use crate::nets::{Arrays, NetPose, Part, PartOf, PartState, ParticleNet, Parts};
 use crate::particle::{AppliedForce, ParticleVelocity, Pinned};
 
 /// All that a tick reads of a part.
@@ -44,12 +44,17 @@ impl PartQueries<'_, '_> {
     /// The pose of an entity in the world.
     fn world_pose(&self, entity: Entity) -> Option<(Vec3, Quat)> {
         let transform = self.transforms.get(entity).ok()?;
+        Some(self.pose_in_world(entity, transform.translation, transform.rotation))
+    }
+
+    /// A pose in the frame of an entity's parent, seen from the world.
+    fn pose_in_world(&self, entity: Entity, translation: Vec3, rotation: Quat) -> (Vec3, Quat) {
         let (frame, depth) = self.parent_frame(entity);
         if depth == 0 {
-            return Some((transform.translation, transform.rotation));
+            return (translation, rotation);
         }
-        let (_, rotation, _) = frame.to_scale_rotation_translation();
-        Some((to_world(&frame, transform.translation), rotation * transform.rotation))
+        let (_, parent, _) = frame.to_scale_rotation_translation();
+        (to_world(&frame, translation), parent * rotation)
     }
 
     /// Moves an entity to a pose in the world; its rotation only if it has one.
@@ -169,10 +174,9 @@ impl ActingParts<'_, '_, '_, '_> {
             return Some(columns);
         };
         let motion = as_double(&columns) * as_double(&last).inverse();
-        let pinned = self.net.pinned().to_vec();
-        let positions = self.net.bypass_change_detection().arrays_mut().positions;
+        let Arrays { positions, pinned, .. } = self.net.bypass_change_detection().arrays_mut();
         for particle in pinned {
-            let place = &mut positions[particle as usize];
+            let place = &mut positions[*particle as usize];
             *place = motion.transform_point3(place.as_dvec3()).as_vec3();
         }
         let turn = DQuat::from_mat3(&motion.matrix3);
@@ -253,18 +257,19 @@ impl ActingParts<'_, '_, '_, '_> {
         let pose = self.queries.world_pose(entity);
         let Ok((_, mut state, ..)) = self.queries.parts.get_mut(entity) else { return };
         state.is_held = false;
-        let state = &*state;
+        let written = state.written;
+        let old_pose = written.map(|(place, rotation)| self.queries.pose_in_world(entity, place, rotation));
+        let Ok((_, state, ..)) = self.queries.parts.get(entity) else { return };
         let present = (transform.translation, transform.rotation);
         let is_moved = state.written.is_some_and(|written| written != present);
         let change = velocity - state.written_velocity;
-        if is_moved && let Some((place, rotation)) = pose {
-            let old = pose_of(self.net, &state.particles, rotation);
+        if let (true, Some((place, rotation)), Some((old_place, old_rotation))) = (is_moved, pose, old_pose) {
             let is_single = state.particles.len() == 1;
-            let turn = if is_single { Quat::IDENTITY } else { rotation * old.rotation.as_quat().inverse() };
-            let centre = old.centre.as_vec3();
+            let turn = (rotation != old_rotation).then(|| rotation * old_rotation.inverse());
             for particle in &state.particles {
                 let position = &mut self.net.positions_mut()[*particle as usize];
-                *position = if is_single { place } else { place + turn * (*position - centre) };
+                let arm = *position - old_place;
+                *position = if is_single { place } else { place + turn.map_or(arm, |turn| turn * arm) };
             }
         }
         if change != Vec3::ZERO {
