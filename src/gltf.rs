@@ -171,12 +171,8 @@ mod tests {
     fn extras_are_read_as_a_group_or_as_text() {
         let group = r#"{"mass_spring": {"net": "Jelly", "material": "FOAM", "cell": 0.2}, "other": 1}"#;
         let text = r#"{"mass_spring": "{\"net\": \"Jelly\", \"material\": \"FOAM\", \"cell\": 0.2}"}"#;
-        let net = NodeNet::Jelly {
-            material: Some("FOAM".to_owned()),
-            pins: None,
-            radius: None,
-            cell: Some(0.2),
-        };
+        let net =
+            NodeNet::Jelly { material: Some("FOAM".to_owned()), pins: None, radius: None, cell: Some(0.2) };
         assert_eq!(parse(group), Some(Ok(net.clone())));
         assert_eq!(parse(text), Some(Ok(net)));
     }
