@@ -14,7 +14,7 @@ use crate::solver;
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
-use super::nets::{GatheredNets, NetData, Past};
+use super::nets::{GatheredNets, NetData};
 use super::registry::{Entry, Slot};
 use super::snapshot::InitialState;
 use super::springs::{Edits, parameters, resolve_spring};
@@ -209,10 +209,10 @@ impl Assignment<'_, '_, '_, '_, '_> {
         for &spring in &edits.relinked {
             self.suspend(spring);
         }
-        self.remove_nets();
+        let old_nets = self.remove_nets();
         self.add_particles(|_, _, _| None);
         let any_nets = self.state.nets.is_pending;
-        self.add_nets(Past::default(), &mut []);
+        self.add_nets(old_nets, &mut []);
         if any_nets || edits.retry {
             self.place_parts();
         }

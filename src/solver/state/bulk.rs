@@ -47,11 +47,11 @@ impl NetElements<'_> {
 }
 
 impl State {
-    /// Appends a net: its particles as (position in m, 1 / mass in 1/kg; 0: pinned), all of one radius, m, and its
-    /// elements.
+    /// Appends a net: its particles as (position in m, velocity in m/s, 1 / mass in 1/kg; 0: pinned), all of one radius, m,
+    /// and its elements.
     pub(crate) fn add_net(
         &mut self,
-        particles: impl ExactSizeIterator<Item = (Vec3, f32)>,
+        particles: impl ExactSizeIterator<Item = (Vec3, Vec3, f32)>,
         radius: f32,
         elements: NetElements,
     ) -> NetRanges {

@@ -70,7 +70,7 @@ impl GatheredNets {
                 state.nets.is_pending |= !is_disabled && net.is_changed();
                 continue;
             };
-            if is_untouched || entry.is_new {
+            if is_untouched || entry.is_new || entry.is_relaid {
                 continue;
             }
             state.is_outdated |= net.quarantined() != place.quarantined;
@@ -80,7 +80,7 @@ impl GatheredNets {
                     && net.len() == place.len()
                     && set_parameters(&mut state.solver, place, &net);
                 if !fits {
-                    entry.is_new = true;
+                    entry.is_relaid = true;
                     state.nets.is_pending = true;
                 }
             }
@@ -151,7 +151,7 @@ pub(in crate::sync) fn gather_nets(
             gathering.set_masses(&gathered.pins);
             // A state that was put back is of another net: the next tick lays it out anew.
             *is_outdated |= !fits;
-            entry.is_new |= !fits;
+            entry.is_relaid |= !fits;
             registry.is_pending |= !fits;
             known.topology = Some(Arc::clone(net.topology()));
             known.pins.clone_from(&gathered.pins);

@@ -11,6 +11,6 @@ mod scatter;
 
 pub(super) use gather::{GatheredNets, gather_nets};
 pub(super) use parts::{gather_parts, note_despawned_part, relink_part, scatter_parts, unlink_part};
-pub(super) use place::{NetData, Past};
+pub(super) use place::NetData;
 pub(super) use registry::{NetRegistry, mark_replaced, register_existing_nets, register_net, unregister_net};
 pub(super) use scatter::{any_nets, scatter_nets};

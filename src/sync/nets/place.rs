@@ -68,7 +68,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
     pub fn pending_nets(&self) -> (usize, usize) {
         let (mut particles, mut springs) = (0, 0);
         if self.state.nets.is_pending {
-            for net in self.state.nets.entries.iter().filter(|net| net.is_new || net.is_removed) {
+            for net in
+                self.state.nets.entries.iter().filter(|net| net.is_new || net.is_relaid || net.is_removed)
+            {
                 if let Some(place) = &net.place {
                     particles += place.len();
                     springs += place.ranges.springs.len();
@@ -101,21 +103,32 @@ impl Assignment<'_, '_, '_, '_, '_> {
         Past { positions: solver.particles.position.clone(), springs: solver.past_springs(), places }
     }
 
-    /// Empties the places of the nets that were removed or replaced.
-    pub fn remove_nets(&mut self) {
+    /// Empties the places of the nets that were removed or replaced, or whose elements are others. Returns what is known
+    /// of these.
+    pub fn remove_nets(&mut self) -> Past {
+        let mut past = Past::default();
         if !self.state.nets.is_pending {
-            return;
+            return past;
         }
         for index in 0..self.state.nets.entries.len() {
             let net = &mut self.state.nets.entries[index];
-            if net.is_removed || net.is_new {
+            let (is_new, is_removed) = (net.is_new, net.is_removed);
+            let old = if is_new || is_removed || net.is_relaid { net.place.take() } else { None };
+            if is_new {
                 net.frame = None;
-                if let Some(place) = net.place.take() {
-                    self.remove_net(&place);
-                }
+            }
+            if let Some(place) = &old {
+                self.remove_net(place);
+            }
+            if !is_removed {
+                past.places.push(old.filter(|_| !is_new));
             }
         }
         self.state.nets.entries.retain(|net| !net.is_removed);
+        if past.places.iter().any(Option::is_some) {
+            past.positions.copy_from(&self.state.solver.particles.position);
+        }
+        past
     }
 
     fn remove_net(&mut self, place: &NetPlace) {
@@ -174,6 +187,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             return;
         }
         entry.is_new = false;
+        let is_relaid = std::mem::take(&mut entry.is_relaid);
         let warnings = &mut self.bookkeeping.warnings;
         if let Err(problem) = check(&net) {
             let message = format_args!("net {} is left out of the simulation: {problem}", entry.entity);
@@ -185,28 +199,32 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.bookkeeping.initial.record_net(entry.entity, &net, transform);
         }
         let topology = Arc::clone(net.topology());
-        let past = past.filter(|(old, _)| old.len() == net.len());
+        // Those beyond the old ones are new.
+        let known = past.map_or(0, |(old, _)| old.len().min(net.len()));
         let (fresh, first) = (&mut self.simulation.fresh, state.particles.slots.len());
-        let mut particles: Vec<(Vec3, f32)> = Vec::with_capacity(net.len());
-        for (particle, (position, mass)) in net.positions().iter().zip(&topology.masses).enumerate() {
-            let position = match past {
+        let mut particles: Vec<(Vec3, Vec3, f32)> = Vec::with_capacity(net.len());
+        let arrays = net.positions().iter().zip(net.velocities()).zip(&topology.masses);
+        for (particle, ((position, velocity), mass)) in arrays.enumerate() {
+            let position = match past.filter(|_| particle < known) {
                 Some((old, past)) => past.positions.get(old.slot(particle)),
                 None => *position - state.solver.origin,
             };
-            particles.push((position, 1.0 / mass));
+            particles.push((position, *velocity, 1.0 / mass));
         }
         let held = net.pinned().iter().chain(&net.part_actions().held);
-        held.for_each(|particle| particles[*particle as usize].1 = 0.0);
+        held.for_each(|particle| particles[*particle as usize].2 = 0.0);
         let ranges = state.solver.add_net(particles.into_iter(), topology.radius, elements(&topology));
         debug_assert_eq!((first, fresh.len()), (ranges.particles.start, ranges.particles.start));
-        fresh.extend(repeat_n(past.is_none(), net.len()));
+        fresh.extend((0..net.len()).map(|particle| particle >= known));
         state.particles.slots.extend(repeat_n(entry.entity, net.len()));
         state.springs.slots.extend(repeat_n(entry.entity, topology.springs.len()));
         if let Some((old, past)) = past {
             for (new, old) in ranges.particles.clone().zip(old.slots()) {
-                new_slots[old] = Some(new as u32);
+                if let Some(place) = new_slots.get_mut(old) {
+                    *place = Some(new as u32);
+                }
             }
-            if let Some(springs) = past.springs.get(old.ranges.springs.clone()) {
+            if let Some(springs) = past.springs.get(old.ranges.springs.clone()).filter(|_| !is_relaid) {
                 state.solver.set_past_net(&ranges, springs);
             }
         }

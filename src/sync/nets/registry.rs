@@ -30,6 +30,8 @@ pub(in crate::sync) struct RegisteredNet {
     pub place: Option<NetPlace>,
     /// Whether it was inserted since the last tick: what was there before is gone.
     pub is_new: bool,
+    /// Whether its elements join other particles than before: those that were there stay where they are.
+    pub is_relaid: bool,
     /// Whether its initial state has been recorded.
     pub is_recorded: bool,
     /// Whether its entity has lost it.
@@ -111,7 +113,15 @@ impl NetPlace {
 
 impl RegisteredNet {
     pub fn new(entity: Entity) -> Self {
-        Self { entity, place: None, is_new: true, is_recorded: false, is_removed: false, frame: None }
+        Self {
+            entity,
+            place: None,
+            is_new: true,
+            is_relaid: false,
+            is_recorded: false,
+            is_removed: false,
+            frame: None,
+        }
     }
 }
 
