@@ -111,7 +111,11 @@ struct Topologies(Vec<(LaidOut, Weak<Topology>)>);
 
 impl Topologies {
     /// The topology of a recipe: the one of another net, or a new one.
-    fn get<R: Recipe>(&mut self, recipe: &R, mesh: Option<&Arc<TriangleMesh>>) -> Result<Arc<Topology>, NetError> {
+    fn get<R: Recipe>(
+        &mut self,
+        recipe: &R,
+        mesh: Option<&Arc<TriangleMesh>>,
+    ) -> Result<Arc<Topology>, NetError> {
         let mesh = mesh.filter(|_| recipe.is_from_mesh());
         let any = recipe.clone().into_any();
         let is_same = |known: &LaidOut| {
@@ -231,7 +235,8 @@ impl Layouts<'_, '_> {
             }
         };
         let own = || self.transforms.get(entity).copied().unwrap_or_default().compute_affine();
-        let frame = self.helper.compute_global_transform(entity).map_or_else(|_| own(), |frame| frame.affine());
+        let frame =
+            self.helper.compute_global_transform(entity).map_or_else(|_| own(), |frame| frame.affine());
         let net = ParticleNet::laid_out(topology, |place| frame.transform_point3(place));
         let laid_out = LaidOut { recipe: recipe.clone().into_any(), mesh: mesh.cloned() };
         self.commands.entity(entity).try_insert((net, laid_out));

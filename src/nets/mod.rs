@@ -3,6 +3,7 @@
 //! A recipe becomes a [`Topology`], a pure value; [`ParticleNet`] is the
 //! state of one net that is laid out by it.
 
+mod attachment;
 mod balloon;
 mod breaking;
 mod cloth;
@@ -33,15 +34,17 @@ mod validation;
 mod weld;
 mod winch;
 
+pub use attachment::Attachment;
+pub(crate) use attachment::Tied;
+pub use balloon::{Balloon, BalloonShape};
 pub use breaking::Breaking;
 pub(crate) use breaking::Damage;
-pub use balloon::{Balloon, BalloonShape};
 pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
-pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
 pub use laying::RecipeMesh;
 pub(crate) use laying::build;
+pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
 pub(crate) use net::Arrays;
 pub use net::ParticleNet;
 pub use part::{Part, PartOf, PartState, Parts};
