@@ -95,13 +95,20 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(nets::register_net)
         .add_observer(nets::mark_replaced)
         .add_observer(nets::unregister_net)
+        .add_observer(nets::untie)
+        .add_observer(nets::retie)
         .add_observer(nets::unlink_part)
         .add_observer(nets::relink_part)
         .add_observer(nets::note_despawned_part)
         .add_systems(
             schedule,
             (
-                (nets::gather_parts.run_if(nets::any_nets), gather::gather)
+                (
+                    (nets::give_breaking, nets::gather_parts).chain().run_if(nets::any_nets),
+                    nets::tie_attachments.run_if(nets::any_untied),
+                    nets::turn_winches.run_if(nets::any_winches),
+                    gather::gather,
+                )
                     .chain()
                     .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
