@@ -6,6 +6,7 @@ use bevy::ecs::query::Allow;
 use bevy::math::{Affine3A, DVec3};
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::Dimensions;
@@ -77,13 +78,20 @@ fn members(world: &mut World, scope: Scope) -> (Vec<Entity>, Vec<Entity>) {
     (particles, planes)
 }
 
-/// The entities that springs join to one, and itself.
+/// The entities that springs and bends join to one, and itself.
 fn net_of(world: &mut World, entity: Entity) -> EntityHashSet {
     let mut joined: EntityHashMap<Vec<Entity>> = EntityHashMap::default();
     let mut springs = world.query_filtered::<&Spring, Allow<Disabled>>();
     for &Spring { particles: [first, second], .. } in springs.iter(world) {
         joined.entry(first).or_default().push(second);
         joined.entry(second).or_default().push(first);
+    }
+    let mut bends = world.query_filtered::<&Bend, Allow<Disabled>>();
+    for &Bend { particles: [first, middle, last], .. } in bends.iter(world) {
+        for (one, other) in [(first, middle), (middle, last)] {
+            joined.entry(one).or_default().push(other);
+            joined.entry(other).or_default().push(one);
+        }
     }
     let mut net = EntityHashSet::default();
     let mut found = vec![entity];

@@ -5,6 +5,7 @@ use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
@@ -13,6 +14,7 @@ use crate::solver;
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::bends::BendData;
 use super::registry::{Entry, Slot};
 use super::snapshot::InitialState;
 use super::springs::{Edits, parameters, resolve_spring};
@@ -34,13 +36,14 @@ pub(super) type ParticleData = (
 
 type SpringData = (&'static Spring, (Has<Disabled>, Has<Broken>), &'static mut Slot<Spring>);
 
-type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<PlaneCollider>)>;
 
 /// All entities that may have a slot.
 #[derive(SystemParam)]
 pub(super) struct Candidates<'w, 's> {
     pub particles: Query<'w, 's, ParticleData, Allow<Disabled>>,
     pub springs: Query<'w, 's, SpringData, Allow<Disabled>>,
+    pub bends: Query<'w, 's, BendData, Allow<Disabled>>,
     orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
     /// All of these, and the planes.
     pub all: Query<'w, 's, (Entity, Has<PlaneCollider>), (IsRegistered, Allow<Disabled>)>,
@@ -51,8 +54,8 @@ pub(super) struct Candidates<'w, 's> {
 pub(super) struct Bookkeeping<'w, 's> {
     pub warnings: ResMut<'w, Warnings>,
     pub initial: ResMut<'w, InitialState>,
-    orphaned_springs: Res<'w, OrphanedSprings>,
-    commands: Commands<'w, 's>,
+    pub orphaned_springs: Res<'w, OrphanedSprings>,
+    pub commands: Commands<'w, 's>,
 }
 
 pub(super) fn check_particle(
@@ -88,6 +91,8 @@ pub(super) fn refresh_slots(
     state.is_outdated |= state.excluded.iter().any(is_corrected);
     state.is_outdated |= state.particles.is_fragmented(MAX_FRAGMENTATION);
     state.is_outdated |= state.springs.is_fragmented(MAX_FRAGMENTATION);
+    state.is_outdated |= state.bends.all.is_fragmented(MAX_FRAGMENTATION);
+    edits.retry |= state.bends.all.pending() > 0;
     if state.is_outdated {
         assignment.assign_all();
     } else if state.particles.pending() + state.springs.pending() + state.broken.len() > 0 || edits.retry {
@@ -122,6 +127,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
             old_springs.zip(state.solver.past_springs()).collect();
         state.particles.reset_slots();
         state.springs.reset_slots();
+        let past_bends = self.past_bends();
+        let state = &mut *self.state;
+        state.bends.reset_slots();
         let pulls = state.solver.take_pulls();
         state.solver.clear();
         let order_of =
@@ -129,6 +137,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         if !self.candidates.orders.is_empty() {
             state.particles.entries.sort_by_cached_key(order_of);
             state.springs.entries.sort_by_cached_key(order_of);
+            state.bends.all.entries.sort_by_cached_key(order_of);
         }
 
         let mut new_slots = vec![None; old_entities.len()];
@@ -139,6 +148,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
         });
         self.add_new_springs();
         self.remember_springs(&old_springs);
+        self.add_bends(false);
+        self.remember_bends(&past_bends);
         self.state.solver.renumber_contacts(&new_slots);
         self.state.solver.put_back_pulls(pulls, &new_slots);
         if let Some(order) = self.simulation.caches.better_order(&self.state.solver) {
@@ -186,6 +197,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         for &spring in &edits.relinked {
             self.suspend(spring);
         }
+        self.remove_bends(&edits.relinked_bends);
         self.add_particles(|_, _, _| None);
         // Springs that have been pending for long stay so where no particle was added for which they might wait.
         let any_added = self.state.particles.slots.len() > present;
@@ -194,15 +206,17 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.add_spring(spring);
         }
         self.add_new_springs();
+        self.add_bends(first == 0);
     }
 
-    /// Empties the slot of a particle; its springs are pending from now on.
+    /// Empties the slot of a particle; its springs and bends are pending from now on.
     fn remove_particle(&mut self, slot: usize) {
         if !self.state.particles.vacate(slot) {
             return;
         }
         let springs = self.simulation.caches.springs_at(&self.state.solver, slot);
         self.state.solver.remove_particle(slot);
+        self.suspend_bends_at(slot);
         for spring in springs {
             self.suspend(self.state.springs.slots[spring]);
         }

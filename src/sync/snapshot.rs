@@ -3,6 +3,7 @@
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities, SceneEntityMapper};
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::report::TickReport;
@@ -38,6 +39,7 @@ use super::state::MassSpringState;
 pub struct Snapshot {
     particles: Vec<ParticleRecord>,
     springs: Vec<SpringRecord>,
+    bends: Vec<(Entity, Bend)>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
@@ -80,7 +82,7 @@ struct PlaneRecord {
 #[error("the snapshot has {expected} {what}, the world {found}")]
 #[non_exhaustive]
 pub struct SnapshotError {
-    /// Particles, springs or planes.
+    /// Particles, springs, bends or planes.
     pub what: &'static str,
     /// Their number in the snapshot.
     pub expected: usize,
@@ -89,7 +91,7 @@ pub struct SnapshotError {
 }
 
 impl Snapshot {
-    /// Takes a snapshot of all particles, springs and planes. It changes nothing.
+    /// Takes a snapshot of all particles, springs, bends and planes. It changes nothing.
     ///
     /// Between two ticks positions are those of the last one, not those that interpolation shows.
     ///
@@ -101,13 +103,15 @@ impl Snapshot {
         let particles = particles.filter_map(|entity| ParticleRecord::of(world, entity)).collect();
         let springs = state.springs.entities();
         let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
+        let bends = state.bends.all.entities();
+        let bends = bends.filter_map(|entity| Some((entity, *world.get::<Bend>(entity)?))).collect();
         let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
-        Self { particles, springs, planes, state: Some(state.clone()) }
+        Self { particles, springs, bends, planes, state: Some(state.clone()) }
     }
 
-    /// Puts all particles, springs and planes of the snapshot back that still exist, and the solver with them.
+    /// Puts all particles, springs, bends and planes of the snapshot back that still exist, and the solver with them.
     ///
-    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
+    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends and the place and parameters of
     /// planes return to what they were; particles that were quarantined and springs that broke
     /// since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
@@ -123,7 +127,7 @@ impl Snapshot {
     /// simulation there becomes the first one of the snapshot, and so on.
     ///
     /// # Errors
-    /// If the world has another number of particles, springs or planes. Nothing is changed then.
+    /// If the world has another number of particles, springs, bends or planes. Nothing is changed then.
     ///
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
@@ -132,6 +136,7 @@ impl Snapshot {
         let pairs = [
             ("particles", self.particle_entities(), present.particle_entities()),
             ("springs", self.spring_entities(), present.spring_entities()),
+            ("bends", self.bend_entities(), present.bend_entities()),
             ("planes", self.plane_entities(), present.plane_entities()),
         ];
         let mut map = EntityHashMap::default();
@@ -156,12 +161,16 @@ impl Snapshot {
         self.springs.iter().map(|record| record.entity).collect()
     }
 
+    fn bend_entities(&self) -> Vec<Entity> {
+        self.bends.iter().map(|(entity, _)| *entity).collect()
+    }
+
     fn plane_entities(&self) -> Vec<Entity> {
         self.planes.iter().map(|record| record.entity).collect()
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, planes, state } = self;
+        let Self { particles, springs, bends, planes, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -170,6 +179,11 @@ impl Snapshot {
             }
         }
         springs.iter().for_each(|record| record.restore(world));
+        for (entity, recorded) in bends {
+            if let Some(mut bend) = world.get_mut::<Bend>(entity) {
+                bend.set_if_neq(recorded);
+            }
+        }
         planes.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
@@ -184,6 +198,10 @@ impl MapEntities for Snapshot {
         for record in &mut self.springs {
             record.entity = mapper.get_mapped(record.entity);
             record.spring.map_entities(mapper);
+        }
+        for (entity, bend) in &mut self.bends {
+            *entity = mapper.get_mapped(*entity);
+            bend.map_entities(mapper);
         }
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
@@ -269,10 +287,11 @@ pub(super) struct InitialState(Snapshot);
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        let Snapshot { particles, springs, planes, .. } = &self.0;
+        let Snapshot { particles, springs, bends, planes, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
         let springs = springs.iter().map(|record| record.entity);
-        particles.chain(springs).chain(planes.iter().map(|record| record.entity)).collect()
+        let bends = bends.iter().map(|(entity, _)| *entity);
+        particles.chain(springs).chain(bends).chain(planes.iter().map(|record| record.entity)).collect()
     }
 
     pub fn record_particle(
@@ -301,6 +320,10 @@ impl InitialState {
         self.0.springs.push(SpringRecord { entity, spring, is_broken: false });
     }
 
+    pub fn record_bend(&mut self, entity: Entity, bend: Bend) {
+        self.0.bends.push((entity, bend));
+    }
+
     pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {
         let Transform { translation, rotation, .. } = *transform;
         self.0.planes.push(PlaneRecord { entity, plane, translation, rotation });
@@ -311,8 +334,9 @@ impl InitialState {
 pub(crate) fn take_initial_state(world: &mut World) {
     let snapshot = Snapshot::take(world);
     let mut state = world.resource_mut::<MassSpringState>();
-    let MassSpringState { particles, springs, planes, .. } = &mut *state;
-    particles.entries.iter_mut().chain(&mut springs.entries).for_each(|entry| entry.is_recorded = true);
+    let MassSpringState { particles, springs, bends, planes, .. } = &mut *state;
+    let entries = particles.entries.iter_mut().chain(&mut springs.entries).chain(&mut bends.all.entries);
+    entries.for_each(|entry| entry.is_recorded = true);
     planes.iter_mut().for_each(|plane| plane.is_recorded = true);
     world.resource_mut::<InitialState>().0 = snapshot;
 }

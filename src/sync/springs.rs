@@ -11,6 +11,7 @@ use crate::solver;
 use crate::spring::{Plasticity, Spring};
 
 use super::Simulation;
+use super::bends::{EditedBends, copy_edited_bends};
 use super::registry::Slot;
 use super::slots::ParticleData;
 use super::state::{MassSpringState, Warnings};
@@ -18,10 +19,11 @@ use super::state::{MassSpringState, Warnings};
 /// Springs and whether they were edited.
 type EditedSprings = (Entity, Ref<'static, Spring>, &'static Slot<Spring>);
 
-/// Springs that may have been edited, and the slots of their ends.
+/// Springs and bends that may have been edited, and the slots of their ends.
 #[derive(SystemParam)]
 pub(super) struct SpringQueries<'w, 's> {
     springs: Query<'w, 's, EditedSprings>,
+    bends: EditedBends<'w, 's>,
     particles: Query<'w, 's, &'static Slot<Particle>>,
 }
 
@@ -30,6 +32,8 @@ pub(super) struct SpringQueries<'w, 's> {
 pub(super) struct Edits {
     /// Springs in the simulation that are now bad, or have other ends.
     pub relinked: Vec<Entity>,
+    /// Bends likewise.
+    pub relinked_bends: Vec<Entity>,
     /// Whether springs may have been corrected.
     pub retry: bool,
 }
@@ -64,6 +68,9 @@ pub(super) fn copy_edited_springs(
             edits.retry |= copied != Some(true);
         }
     }
+    let SpringQueries { bends, particles, .. } = queries;
+    edits.retry |=
+        copy_edited_bends(state, simulation, warnings, bends, particles, &mut edits.relinked_bends);
     edits
 }
 

@@ -107,7 +107,9 @@ fn buckled(load: f32) -> f64 {
         solver.add_spring([number, number + 1], Spring::elastic(h, tension / h, 0.0)).expect("good values");
     }
     for number in 1..links {
-        solver.add_rod([number - 1, number, number + 1], rod(bending / h.powi(3), 0.0, 0.0)).expect("good values");
+        solver
+            .add_rod([number - 1, number, number + 1], rod(bending / h.powi(3), 0.0, 0.0))
+            .expect("good values");
     }
     let omega = std::f32::consts::PI.powi(2) * (bending / density).sqrt();
     let settings = fixed(Integrator::ImplicitEuler, 1, 0.5 / omega);
@@ -129,9 +131,8 @@ fn a_column_stands_below_eulers_load_and_buckles_above_it() {
 /// A bent, moving rope with straight, curved and damped rods, and hinges.
 fn tangle(damping: f32) -> Solver {
     let wobble = |number: usize, factor: usize| (number * factor % 17) as f32 * 0.004;
-    let places: Vec<Vec3> = (0..24)
-        .map(|number| Vec3::new(0.1 * number as f32, wobble(number, 7), wobble(number, 11)))
-        .collect();
+    let places: Vec<Vec3> =
+        (0..24).map(|number| Vec3::new(0.1 * number as f32, wobble(number, 7), wobble(number, 11))).collect();
     let mut solver = rope(&places, |number| 0.1 + 0.01 * (number % 3) as f32, 20.0, 0.002);
     for number in 0..24 {
         let velocity = Vec3::new(wobble(number, 3), wobble(number, 5), -wobble(number, 13)) * 10.0;
@@ -193,7 +194,11 @@ fn an_arc_keeps_the_shape_that_it_has_at_rest_in_every_scheme() {
     let arc = |angle: f32| -> Vec<Vec3> {
         // Of links of 0.1 m.
         let radius = 0.05 / (0.5 * angle).sin();
-        (0..25).map(|number| Vec3::new((number as f32 * angle).sin(), (number as f32 * angle).cos(), 0.0) * radius).collect()
+        (0..25)
+            .map(|number| {
+                Vec3::new((number as f32 * angle).sin(), (number as f32 * angle).cos(), 0.0) * radius
+            })
+            .collect()
     };
     let build = |angle: f32| {
         let mut solver = rope(&arc(angle), |_| 0.1, 1e3, 0.0);
@@ -214,7 +219,8 @@ fn an_arc_keeps_the_shape_that_it_has_at_rest_in_every_scheme() {
         let energy = solver.measure(Vec3::ZERO).total_energy();
         assert!(energy < 47.0 * 0.5 * 1e4 * 2.4e-7_f64.powi(2) * 4.0, "{integrator}: {energy} J");
         let mut straightened = build(0.05);
-        let bent = |solver: &Solver| (place(solver, 0) - 2.0 * place(solver, 12) + place(solver, 24)).length();
+        let bent =
+            |solver: &Solver| (place(solver, 0) - 2.0 * place(solver, 12) + place(solver, 24)).length();
         let (start, rest) = (bent(&straightened), bent(&build(0.1)));
         for _ in 0..600 {
             straightened.step(&StepSettings { viscosity: 0.5, ..fixed(integrator, 16, 1.0 / 64.0) });

@@ -5,8 +5,8 @@
 
 mod air;
 mod ambiguity;
-mod breaking;
 mod bends;
+mod breaking;
 mod cables;
 mod caches;
 mod coincidence;

@@ -343,8 +343,11 @@ impl Elements {
     }
 
     /// See [`Table::set_past`].
-    pub(super) fn set_past_spring(&mut self, index: usize, past: Spring) {
-        self.springs.set_past(index, past);
+    pub(super) fn set_past<E: Element<N>, const N: usize>(&mut self, index: usize, past: E)
+    where
+        Self: Holds<E, N>,
+    {
+        self.table_mut().set_past(index, past);
         self.versions.rates = Version::new();
     }
 
@@ -369,31 +372,6 @@ impl Elements {
     /// The springs.
     pub(super) fn springs(&self) -> &Table<Spring, 2> {
         &self.springs
-    }
-
-    /// Changes whenever an element does.
-    pub(super) fn version(&self) -> Version {
-        self.versions.all
-    }
-
-    /// Changes whenever ends or coefficients do.
-    pub(super) fn rates_version(&self) -> Version {
-        self.versions.rates
-    }
-
-    /// Changes when elements get other ends, begin or cease to act.
-    pub(super) fn ends_version(&self) -> Version {
-        self.versions.ends
-    }
-
-    /// Changes when elements with a strain limit are added or removed.
-    pub(super) fn limits_version(&self) -> Version {
-        self.versions.limits
-    }
-
-    /// Whether the tables list what has changed since `version`, apart from added elements.
-    pub(super) fn lists_edits_since(&self, version: Version) -> bool {
-        self.versions.edited_since == version
     }
 }
 
