@@ -4,6 +4,7 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
 use crate::nets::{self, Attachment, Breaking, Part, PartOf, PartState, ParticleNet, Parts, Winch};
@@ -114,7 +115,7 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 }
 
 fn register_types(app: &mut App) {
-    app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, PlaneCollider)>()
+    app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, PlaneCollider)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
         .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()

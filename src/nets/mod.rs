@@ -36,12 +36,11 @@ mod validation;
 mod weld;
 mod winch;
 
-pub use balloon::{Balloon, BalloonShape};
-#[cfg(feature = "render")]
-pub use bevy_mesh::ATTRIBUTE_PIN;
 pub use attachment::Attachment;
 pub(crate) use attachment::Tied;
 pub use balloon::{Balloon, BalloonShape};
+#[cfg(feature = "render")]
+pub use bevy_mesh::ATTRIBUTE_PIN;
 pub use breaking::Breaking;
 pub(crate) use breaking::Damage;
 pub use cloth::{Cloth, ClothShape};
