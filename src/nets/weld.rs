@@ -262,7 +262,7 @@ mod tests {
             NetError::Open { .. }
         ));
         assert!(matches!(change(|mesh| mesh.triangles[4].swap(0, 1)), NetError::Unoriented { .. }));
-        assert!(matches!(change(|mesh| mesh.triangles.push([0, 1, 12])), NetError::NonManifold { .. }));
+        assert!(matches!(change(|mesh| mesh.triangles.push([0, 1, 22])), NetError::NonManifold { .. }));
         let inverted = |mesh: &mut TriangleMesh| mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         assert_eq!(change(inverted), NetError::InsideOut { volume: -1.0 });
         let loose = |mesh: &mut TriangleMesh| mesh.positions.push(Vec3::splat(3.0));

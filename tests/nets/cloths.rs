@@ -67,7 +67,8 @@ fn a_strip_pulled_along_the_grid_lengthens_alike_at_every_resolution() {
     }
 }
 
-/// Cells four times as long as wide have long diagonals, which are not at all particles of the rim: it is softer there.
+/// Cells four times as long as wide have long diagonals, which are not at all particles of the rim: it is softer
+/// there.
 #[test]
 fn oblong_cells_make_the_same_cloth() {
     let cells = UVec2::new(10, 10);
@@ -132,8 +133,8 @@ fn a_clamped_cloth_sinks_by_its_closed_form() {
     }
 }
 
-/// The energy of z = ½ (p x² + q y²) + r x y is ½ D (p² + q² + 2 r²) per area, and twist alone has its part: rods stand
-/// for all but the first and last half cell along them.
+/// The energy of z = ½ (p x² + q y²) + r x y is ½ D (p² + q² + 2 r²) per area, and twist alone has its part: rods
+/// stand for all but the first and last half cell along them.
 #[test]
 fn curvature_and_twist_cost_what_the_plate_says() {
     let material = ClothMaterial { bending_stiffness: D as f32, ..material() };
