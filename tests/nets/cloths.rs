@@ -210,8 +210,8 @@ fn a_mesh_of_equilateral_triangles_is_isotropic() {
     }
 }
 
-/// q l⁴ / (8 D) on a mesh: a strip of equilateral triangles 8 times as long as wide, so that its sides are free.
-/// Hinges at the sides stand for half of a row, which is missing: 1/16 of the width.
+/// q l⁴ / (8 D) on a mesh: a strip of equilateral triangles, 4.6 times as long as wide. At its clamped end it cannot
+/// bend across, as its free sides let it (Poisson's ratio 1/3), and is stiffer by up to 1 − ν² over a width's length.
 #[test]
 fn a_clamped_mesh_sinks_by_its_closed_form() {
     let (columns, rows, side) = (64, 16, 0.05);
@@ -230,7 +230,7 @@ fn a_clamped_mesh_sinks_by_its_closed_form() {
     let expected = load * length.powi(4) / (8.0 * D);
     let tip = ((rows / 2) * (columns + 1) + columns) as usize;
     let found = displacements[tip].z;
-    assert!((found / expected - 1.0).abs() < 0.08, "{found} {expected}");
+    assert!((found / expected - 1.0).abs() < 0.04, "{found} {expected}");
 }
 
 /// Vertices of a mesh with seams hang on one particle each place, in the order of the mesh.
