@@ -39,6 +39,8 @@ pub mod drag;
 pub mod environment;
 #[cfg(feature = "gizmos")]
 pub mod gizmos;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 #[cfg(feature = "interpolation")]
 mod interpolation;
 pub mod nets;

@@ -67,8 +67,10 @@ impl TickReport {
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct ParticleFault {
-    /// The particle.
+    /// The particle, or the net of which it is one.
     pub particle: Entity,
+    /// Its number in the net; `None` of a loose particle.
+    pub index: Option<u32>,
     /// The tick in which it happened, counted as in [`TickReport::tick`].
     pub tick: u64,
 }
@@ -103,8 +105,9 @@ pub struct Broke {
 #[non_exhaustive]
 pub struct SpringForces {
     /// Each spring in the simulation and its tension in N, damper included; negative where it pushes. In the order of
-    /// spawning.
+    /// spawning. Those of a net are in its [`tension`](crate::ParticleNet::tension).
     pub tensions: Vec<(Entity, f32)>,
-    /// Each pinned particle with springs, and the force in N with which they pull at it, in world space.
+    /// Each pinned particle with springs, and the force in N with which they pull at it, in world space. Those of a
+    /// net come under its entity, one after the other.
     pub reactions: Vec<(Entity, Vec3)>,
 }

@@ -1,13 +1,18 @@
 //! From Bevy's meshes to those that recipes read.
 
 use bevy::math::Vec3;
-use bevy::mesh::{Mesh, PrimitiveTopology, VertexAttributeValues};
+use bevy::mesh::{Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues, VertexFormat};
 
 use super::{NetError, TriangleMesh};
 
+/// How much a vertex is pinned, from 0 to 1: those with at least 1/2 are in the group `PIN`.
+pub const ATTRIBUTE_PIN: MeshVertexAttribute =
+    MeshVertexAttribute::new("Pin", 0x6d73_5f70_696e, VertexFormat::Float32);
+
 impl TriangleMesh {
     /// The triangles of a mesh, its positions, and the groups that its vertex colours mean
-    /// ([`paint_by_colours`](Self::paint_by_colours)). `PIN` is the group of all that are painted `RED`.
+    /// ([`paint_by_colours`](Self::paint_by_colours)). `PIN` is the group of those that [`ATTRIBUTE_PIN`] says, or, without
+    /// it, of all that are painted `RED`.
     ///
     /// # Errors
     /// If it is no list of triangles, or has no positions in the main world.
@@ -34,7 +39,11 @@ impl TriangleMesh {
         let mut found = Self::new(positions, triangles.to_vec());
         found.colours = colours(mesh);
         found.paint_by_colours();
-        if let Some((_, red)) = found.painted.first() {
+        if let Ok(Some(VertexAttributeValues::Float32(weights))) = mesh.try_attribute_option(ATTRIBUTE_PIN) {
+            found.paint("PIN", |vertex| {
+                weights.get(vertex.number as usize).is_some_and(|weight| *weight >= 0.5)
+            });
+        } else if let Some((_, red)) = found.painted.first() {
             let pins = red.clone();
             found.painted.push(("PIN".to_owned(), pins));
         }

@@ -4,6 +4,8 @@
 //! the state: with all of them dropped before each tick the results have the same bits. A cache remembers the
 //! [`Version`] of what it was derived from, and compares.
 
+mod bulk;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bevy::math::Vec3;
@@ -13,6 +15,8 @@ use crate::solver::elements::{Bend, Elements, Exposed, Holds, Spring};
 use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
+
+pub(crate) use bulk::{NetElements, NetRanges};
 
 /// Marks contents: what has the same version is the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

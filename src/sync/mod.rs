@@ -15,7 +15,9 @@ mod adopt;
 mod easing;
 mod gather;
 mod hierarchy;
+mod nets;
 mod planes;
+mod records;
 mod registry;
 mod relocate;
 mod rigid;
@@ -68,11 +70,13 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .init_resource::<state::Warnings>()
         .init_resource::<snapshot::InitialState>()
         .init_resource::<gather::Gathered>()
-        .init_resource::<planes::GatheredPlanes>();
+        .init_resource::<planes::GatheredPlanes>()
+        .init_resource::<nets::GatheredNets>();
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
     let _ = app.try_register_required_components::<Spring, Slot<Spring>>();
     state::register_existing(app.world_mut());
+    nets::register_existing_nets(app.world_mut());
     app.add_observer(state::register::<Particle>)
         .add_observer(state::unregister::<Particle>)
         .add_observer(state::note_despawned)
@@ -88,12 +92,22 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(planes::register_plane)
         .add_observer(planes::sort_planes)
         .add_observer(planes::unregister_plane)
+        .add_observer(nets::register_net)
+        .add_observer(nets::mark_replaced)
+        .add_observer(nets::unregister_net)
+        .add_observer(nets::unlink_part)
+        .add_observer(nets::relink_part)
+        .add_observer(nets::note_despawned_part)
         .add_systems(
             schedule,
             (
-                gather::gather.in_set(MassSpringSystems::Gather),
+                (nets::gather_parts.run_if(nets::any_nets), gather::gather)
+                    .chain()
+                    .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
-                scatter::scatter.in_set(MassSpringSystems::Scatter),
+                (scatter::scatter, (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets))
+                    .chain()
+                    .in_set(MassSpringSystems::Scatter),
             ),
         );
 }

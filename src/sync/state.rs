@@ -8,11 +8,13 @@ use bevy::ecs::query::Allow;
 use bevy::prelude::*;
 
 use crate::collider::PlaneCollider;
+use crate::nets::ParticleNet;
 use crate::particle::Particle;
 use crate::solver::{Pose, State, Version};
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::nets::NetRegistry;
 use super::registry::{Registry, Slot};
 
 /// What the simulation remembers from tick to tick beside the components: the order of particles and springs, where
@@ -30,6 +32,8 @@ use super::registry::{Registry, Slot};
 pub struct MassSpringState {
     pub(super) particles: Registry,
     pub(super) springs: Registry,
+    /// The nets in the order of spawning.
+    pub(super) nets: NetRegistry,
     /// The planes in the order of spawning.
     pub(super) planes: Vec<RegisteredPlane>,
     /// Something happened that all slots depend on.
@@ -69,6 +73,7 @@ impl MassSpringState {
     pub(super) fn restart(&mut self) {
         self.particles.reset_slots();
         self.springs.reset_slots();
+        self.nets.reset_slots();
         self.planes.iter_mut().for_each(|plane| plane.last_pose = None);
         self.solver.clear();
         self.solver.origin = Vec3::ZERO;
@@ -83,6 +88,7 @@ impl MapEntities for MassSpringState {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
         self.particles.map_entities(mapper);
         self.springs.map_entities(mapper);
+        self.nets.map_entities(mapper);
         for entity in self
             .planes
             .iter_mut()
@@ -208,7 +214,10 @@ pub(super) fn mark_outdated<E: EntityEvent, T: Component>(
     event: On<E, T>,
     mut state: ResMut<MassSpringState>,
     mut simulation: ResMut<Simulation>,
-    registered: Query<(), (Or<(With<Slot<Particle>>, With<Slot<Spring>>)>, Allow<Disabled>)>,
+    registered: Query<
+        (),
+        (Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<ParticleNet>)>, Allow<Disabled>),
+    >,
 ) {
     if registered.contains(event.event_target()) {
         state.is_outdated = true;

@@ -5,6 +5,7 @@
 
 mod air;
 mod ambiguity;
+mod bends;
 mod breaking;
 mod cables;
 mod caches;
@@ -43,6 +44,8 @@ mod stage;
 mod stiff_contacts;
 mod strain_limit;
 mod sweeps;
+mod tears;
 mod teleports;
 mod trampoline;
 mod turning;
+mod winch;

@@ -107,6 +107,17 @@ impl ClothMaterial {
         retardation_time: 1e-4,
     };
 
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 7] = [
+        ("SILK", Self::SILK),
+        ("COTTON", Self::COTTON),
+        ("WOOL", Self::WOOL),
+        ("DENIM", Self::DENIM),
+        ("LEATHER", Self::LEATHER),
+        ("RUBBER_SHEET", Self::RUBBER_SHEET),
+        ("PAPER", Self::PAPER),
+    ];
+
     /// Checks that all numbers are in their ranges.
     ///
     /// # Errors
@@ -166,6 +177,9 @@ impl BalloonMaterial {
         pressure: 500.0,
         retardation_time: 5e-3,
     };
+
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 2] = [("LATEX", Self::LATEX), ("VINYL", Self::VINYL)];
 
     /// Checks that all numbers are in their ranges.
     ///

@@ -49,6 +49,15 @@ impl JellyMaterial {
     /// MPa).
     pub const FOAM: Self = Self { density: 50.0, youngs_modulus: 1e6, retardation_time: 0.01 };
 
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 5] = [
+        ("GELATINE", Self::GELATINE),
+        ("BALLISTIC_GELATINE", Self::BALLISTIC_GELATINE),
+        ("SOFT_SILICONE", Self::SOFT_SILICONE),
+        ("SOFT_RUBBER", Self::SOFT_RUBBER),
+        ("FOAM", Self::FOAM),
+    ];
+
     /// Checks that all numbers are in their ranges.
     ///
     /// # Errors

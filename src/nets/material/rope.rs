@@ -106,6 +106,16 @@ impl RopeMaterial {
         }
     }
 
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 6] = [
+        ("STEEL_CABLE", Self::STEEL_CABLE),
+        ("HEMP", Self::HEMP),
+        ("NYLON", Self::NYLON),
+        ("POLYETHYLENE", Self::POLYETHYLENE),
+        ("RUBBER_CORD", Self::RUBBER_CORD),
+        ("STEEL_ROD", Self::STEEL_ROD),
+    ];
+
     /// Checks that all numbers are in their ranges.
     ///
     /// # Errors

@@ -1,0 +1,2 @@
+#[path = "simulation/bends.rs"]
+mod bends;
