@@ -32,6 +32,7 @@
 
 #![warn(missing_docs)]
 
+pub mod bend;
 pub mod collider;
 pub mod diagnostics;
 #[cfg(feature = "drag")]
@@ -74,6 +75,7 @@ pub use schedule::MassSpringSystems;
 pub mod prelude {
     #[cfg(feature = "interpolation")]
     pub use crate::MassSpringInterpolationPlugin;
+    pub use crate::bend::Bend;
     pub use crate::collider::{CollisionSettings, Contact, PlaneCollider};
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]

@@ -77,15 +77,15 @@ pub struct ParticleFault {
 
 /// A spring broke: its tension exceeded its breaking force.
 ///
-/// It is triggered on the entity of the spring. There it exerts no force any more: it has the component
-/// [`Broken`](crate::spring::Broken).
+/// It is triggered on the entity of the spring, which has the component [`Broken`](crate::spring::Broken) by then and
+/// exerts no force any more; or on the net, once for each spring of it.
 #[derive(EntityEvent, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct Broke {
-    /// The entity of the spring.
+    /// The entity of the spring, or the net.
     pub entity: Entity,
     /// The tick in which it happened, counted as in [`TickReport::tick`].
     pub tick: u64,
@@ -93,6 +93,10 @@ pub struct Broke {
     pub tension: f32,
     /// The middle between its ends then, in world space, m.
     pub point: Vec3,
+    /// The number of the spring in its net.
+    pub spring: Option<u32>,
+    /// Into how many pieces the net is by now; one of them may be a single particle.
+    pub pieces: Option<u32>,
 }
 
 /// The forces of all springs at the end of the last tick.

@@ -29,8 +29,8 @@ impl Weave {
     }
 }
 
-/// The springs of all cells. Each cell has its share of the springs around it, so that every cell by itself is in equilibrium
-/// under a uniform stress: at the surface, springs have a half or a quarter of the stiffness.
+/// The springs of all cells. Each cell has its share of the springs around it, so that every cell by itself is in
+/// equilibrium under a uniform stress: at the surface, springs have a half or a quarter of the stiffness.
 ///
 /// Edges of boxes are weighted across the box by [`across`], for bending.
 pub(super) fn springs(

@@ -3,6 +3,7 @@
 //! A recipe becomes a [`Topology`], a pure value; [`ParticleNet`] is the
 //! state of one net that is laid out by it.
 
+mod attachment;
 mod balloon;
 #[cfg(feature = "render")]
 mod bevy_mesh;
@@ -35,6 +36,8 @@ mod validation;
 mod weld;
 mod winch;
 
+pub use attachment::Attachment;
+pub(crate) use attachment::Tied;
 pub use balloon::{Balloon, BalloonShape};
 #[cfg(feature = "render")]
 pub use bevy_mesh::ATTRIBUTE_PIN;

@@ -3,21 +3,22 @@
 //! A lattice of springs with stiffnesses k, lengths l and directions n, of which each cell of volume V has its share,
 //! stores ½ Σ k l² (n·ε n)² / V per volume under a uniform strain ε. Of cells a × b (× c) along the axes:
 //! - an edge along an axis adds k a² / V to the stiffness C₁₁ along it, and to nothing else;
-//! - the two diagonals of a face a × b add 2 k a⁴ / (d² V) to C₁₁, 2 k b⁴ / (d² V) to C₂₂ and 2 k a² b² / (d² V) to both
-//!   the shear stiffness C₆₆ and the coupling C₁₂ (d² = a² + b²): springs have C₁₂ = C₆₆, Cauchy's relation.
+//! - the two diagonals of a face a × b add 2 k a⁴ / (d² V) to C₁₁, 2 k b⁴ / (d² V) to C₂₂ and 2 k a² b² / (d² V) to
+//!   both the shear stiffness C₆₆ and the coupling C₁₂ (d² = a² + b²): springs have C₁₂ = C₆₆, Cauchy's relation.
 //!
-//! So the diagonals of a plane are set by its shear stiffness G; they add G a²/b² to C₁₁ and G b²/a² to C₂₂. The edges
-//! add what is missing. The stiffness that a strip with free sides shows is 1 / S₁₁, S = C⁻¹: with two axes
+//! So the diagonals of a plane are set by its shear stiffness G; they add G a²/b² to C₁₁ and G b²/a² to C₂₂. The
+//! edges add what is missing. The stiffness that a strip with free sides shows is 1 / S₁₁, S = C⁻¹: with two axes
 //! C₁₁ − G² / C₂₂. If that is to be K along both, C = (K + √(K² + 4 G²)) / 2; Poisson's ratio is G / C. With three
-//! axes, E = 5/2 G gives C = 3 G: isotropic with Poisson's ratio 1/4, in cubes of a k = 2/5 E a for edges and diagonals
-//! alike (Kot, Nagahashi and Szymczak, *Elastic moduli of simple mass spring models*, 2015).
+//! axes, E = 5/2 G gives C = 3 G: isotropic with Poisson's ratio 1/4, in cubes of a k = 2/5 E a for edges and
+//! diagonals alike (Kot, Nagahashi and Szymczak, *Elastic moduli of simple mass spring models*, 2015).
 //!
 //! Nothing is missing in a cell so oblong that G a²/b² > C₁₁. There, short diagonals carry what they can, and *long*
-//! ones, across several cells that together are nearly square, the rest: they begin at every row, so that they hold all
-//! particles alike. Where that is not enough either (one oblong cell, or G beyond 2/3 K in cells of 2 : 3), the shear
-//! stiffness is the greatest that keeps all springs from having negative ones; the stiffness along the axes stays what it is to
-//! be. Under a uniform stress long diagonals pull at particles of the rim alone that are their ends, so that a net of few
-//! oblong cells is softer there, by up to 2 % in a sheet of 10 × 10 cells of 4 : 1, and more in a jelly.
+//! ones, across several cells that together are nearly square, the rest: they begin at every row, so that they hold
+//! all particles alike. Where that is not enough either (one oblong cell, or G beyond 2/3 K in cells of 2 : 3), the
+//! shear stiffness is the greatest that leaves no spring a negative one; the stiffness along the axes stays what it
+//! is to be. Under a uniform stress long diagonals pull at particles of the rim alone that are their
+//! ends, so that a net of few oblong cells is softer there, by up to 2 % in a sheet of 10 × 10 cells of 4 : 1, and
+//! more in a jelly.
 
 /// The size and number of the cells along each axis. An axis without cells is none: its size is 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,8 +118,8 @@ impl Diagonals {
         carried.map(|layer| layer.share * layer.along(axis, cell, self.axes, cells)).sum()
     }
 
-    /// The greatest of [`along`](Self::along) of all cells, once if the short diagonals carried everything, once if the
-    /// long ones did.
+    /// The greatest of [`along`](Self::along) of all cells, once if the short diagonals carried everything, once if
+    /// the long ones did.
     fn greatest(&self, axis: usize, cells: &Cells) -> [f64; 2] {
         let mut greatest = [0.0_f64; 2];
         let counts = self.axes.map(|axis| cells.counts[axis]);
@@ -142,8 +143,8 @@ impl Diagonals {
     }
 }
 
-/// Where groups of `length` of `count` cells begin and end, the first complete one at `start`. What is left at an end is
-/// a group if it is at least `least` long, and joins its neighbour otherwise.
+/// Where groups of `length` of `count` cells begin and end, the first complete one at `start`. What is left at an
+/// end is a group if it is at least `least` long, and joins its neighbour otherwise.
 fn groups(count: u32, length: u32, start: u32, least: u32) -> Vec<u32> {
     let whole = (start % length..=count).step_by(length as usize);
     let inner = whole.filter(|bound| *bound >= least && count - *bound >= least);

@@ -11,7 +11,7 @@ use crate::settings::{Integrator, SolverSettings, SubstepMode};
 
 use super::nets::SceneNet;
 
-/// The content of a scene file: settings, particles, springs and planes.
+/// The content of a scene file: settings, particles, springs, bends and planes.
 ///
 /// [`from_ron`](Self::from_ron) and [`read`](Self::read) refuse bad values; a scene that was put
 /// together in code is checked by [`validate`](Self::validate).
@@ -32,6 +32,9 @@ pub struct MassSpringScene {
     /// The springs. Optional in the file.
     #[serde(default)]
     pub springs: Vec<SceneSpring>,
+    /// The bends. Optional in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bends: Vec<SceneBend>,
     /// The nets. Optional in the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nets: Vec<SceneNet>,
@@ -109,6 +112,19 @@ pub struct SceneSpring {
     /// The tension in N beyond which it breaks, finite and >= 0. Default none: it never does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaking_force: Option<f32>,
+}
+
+/// One bend: the energy ½ k ‖x_a − 2 x_b + x_c‖².
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Bend", deny_unknown_fields)]
+pub struct SceneBend {
+    /// a, b and c: different indices into [`MassSpringScene::particles`]. It resists the bend at b.
+    pub particles: (usize, usize, usize),
+    /// Stiffness k in N/m, finite and >= 0.
+    pub stiffness: f32,
+    /// Damping in N·s/m, finite and >= 0. Default 0.
+    #[serde(default)]
+    pub damping: f32,
 }
 
 fn is_false(value: &bool) -> bool {

@@ -1,4 +1,4 @@
-//! Scene files: particles, springs, planes and settings as RON text, `*.scene.ron`.
+//! Scene files: particles, springs, bends, planes and settings as RON text, `*.scene.ron`.
 //!
 //! [`MassSpringScene`] is the file's content. It is read with [`MassSpringScene::read`] or
 //! [`MassSpringScene::from_ron`], which refuse bad values with a [`SceneError`] that says where they
@@ -38,7 +38,7 @@ mod spawn;
 mod validate;
 
 pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
-pub use description::{MassSpringScene, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
+pub use description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
 pub use nets::SceneNet;
 pub use spawn::SpawnedScene;

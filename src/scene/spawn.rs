@@ -6,6 +6,7 @@ use bevy::math::{DQuat, DVec3};
 use bevy::prelude::*;
 
 use super::description::{MassSpringScene, ScenePlane};
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::SolverSettings;
@@ -24,14 +25,16 @@ pub struct SpawnedScene {
     pub particles: Vec<Entity>,
     /// The springs.
     pub springs: Vec<Entity>,
+    /// The bends.
+    pub bends: Vec<Entity>,
     /// The planes.
     pub planes: Vec<Entity>,
 }
 
 impl SpawnedScene {
-    /// All entities: particles, springs, planes.
+    /// All entities: particles, springs, bends, planes.
     pub fn iter(&self) -> impl Iterator<Item = Entity> + '_ {
-        self.particles.iter().chain(&self.springs).chain(&self.planes).copied()
+        self.particles.iter().chain(&self.springs).chain(&self.bends).chain(&self.planes).copied()
     }
 }
 
@@ -51,10 +54,10 @@ fn despawn_owned(mut world: DeferredWorld, context: HookContext) {
 }
 
 impl MassSpringScene {
-    /// Spawns particles, springs and planes as ordinary entities in world space. The settings of the
+    /// Spawns particles, springs, bends and planes as ordinary entities in world space. The settings of the
     /// scene are left to [`apply_settings`](Self::apply_settings).
     ///
-    /// In a scene that was not [validated](Self::validate), a spring to a particle that is not there
+    /// In a scene that was not [validated](Self::validate), a spring or bend to a particle that is not there
     /// gets [`Entity::PLACEHOLDER`] as that end, which the simulation leaves out with a warning.
     pub fn spawn(&self, commands: &mut Commands) -> SpawnedScene {
         let particles: Vec<Entity> = self
@@ -90,8 +93,15 @@ impl MassSpringScene {
                 commands.spawn(component).id()
             })
             .collect();
+        let bends = self
+            .bends
+            .iter()
+            .map(|&super::SceneBend { particles: (first, middle, last), stiffness, damping }| {
+                commands.spawn(Bend { particles: [first, middle, last].map(end), stiffness, damping }).id()
+            })
+            .collect();
         let planes = self.planes.iter().map(|plane| commands.spawn(plane.bundle()).id()).collect();
-        SpawnedScene { particles, springs, planes }
+        SpawnedScene { particles, springs, bends, planes }
     }
 
     /// Sets [`Environment`](crate::Environment), [`SolverSettings`] and

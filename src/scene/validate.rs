@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use super::description::{MassSpringScene, ScenePlane, SceneSolver, SceneSpring};
+use super::description::{MassSpringScene, SceneBend, ScenePlane, SceneSolver, SceneSpring};
 use super::error::{SceneError, SceneErrorReason};
 use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
@@ -100,6 +100,9 @@ impl MassSpringScene {
             let parents = [Step::Field("nets"), Step::Index(index)];
             net.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
         }
+        for (index, bend) in self.bends.iter().enumerate() {
+            self.check_bend(index, bend)?;
+        }
         for (index, plane) in self.planes.iter().enumerate() {
             let parents = [Step::Field("planes"), Step::Index(index)];
             check_plane(plane).map_err(|invalid| Fault::new(&parents, invalid))?;
@@ -146,6 +149,29 @@ impl MassSpringScene {
                 let force = spring.breaking_force;
                 force.map_or(Ok(()), |force| parameter::non_negative("breaking_force", force))
             })
+            .map_err(|invalid| Fault::new(&parents, invalid))
+    }
+}
+
+impl MassSpringScene {
+    fn check_bend(&self, index: usize, bend: &SceneBend) -> Result<(), Fault> {
+        let parents = [Step::Field("bends"), Step::Index(index)];
+        let refuse = |expected| {
+            let ends = format!("{:?}", bend.particles);
+            Err(Fault::with_expected(&parents, "particles", ends, expected))
+        };
+        let (first, middle, last) = bend.particles;
+        let count = self.particles.len();
+        if first.max(middle).max(last) >= count {
+            return refuse(format!(
+                "three indices into the list of {count} particles, the first of which is 0"
+            ));
+        }
+        if first == middle || middle == last || last == first {
+            return refuse("the indices of three different particles".to_owned());
+        }
+        parameter::non_negative("stiffness", bend.stiffness)
+            .and_then(|()| parameter::non_negative("damping", bend.damping))
             .map_err(|invalid| Fault::new(&parents, invalid))
     }
 }

@@ -137,6 +137,37 @@ impl Solver {
         Ok(self.state.add_bend(ends, bend))
     }
 
+    /// Changes the parameters of a bend of three particles, which go there as those of a
+    /// [spring](Self::set_spring) do; weights change at once. Where there is no such bend nothing changes.
+    ///
+    /// # Errors
+    /// If a parameter is not finite and >= 0, or the weights do not add up to 0.
+    pub fn set_rod(&mut self, number: usize, bend: Bend<3>) -> Result<(), SolverError> {
+        check_bend(&bend)?;
+        self.state.set_bend(number, bend);
+        Ok(())
+    }
+
+    /// Changes the parameters of a bend of four particles: see [`set_rod`](Self::set_rod).
+    ///
+    /// # Errors
+    /// As [`set_rod`](Self::set_rod).
+    pub fn set_hinge(&mut self, number: usize, bend: Bend<4>) -> Result<(), SolverError> {
+        check_bend(&bend)?;
+        self.state.set_bend(number, bend);
+        Ok(())
+    }
+
+    /// Removes a bend of three particles; the others keep their numbers.
+    pub fn remove_rod(&mut self, number: usize) {
+        self.state.remove_bend::<3>(number);
+    }
+
+    /// Removes a bend of four particles; the others keep their numbers.
+    pub fn remove_hinge(&mut self, number: usize) {
+        self.state.remove_bend::<4>(number);
+    }
+
     /// Changes the parameters of a spring. In the next tick rest length, stiffness and damping go there in equal
     /// parts, substep by substep.
     ///

@@ -35,7 +35,7 @@ pub struct Outputs {
     pub contact_count: usize,
     /// The contacts of all substeps, in the order of these.
     pub contacts: Vec<ContactRecord>,
-    /// The tension of each spring at the end of the tick, damper included, N; negative where it pushes, 0 where
+    /// The tension of each spring at the end of the tick, damper included, and after them those of the bends, N; negative where it pushes, 0 where
     /// it was removed. Of springs that an implicit scheme advances it is that of the solved equations; of others it
     /// follows from the positions, whose rounding times the stiffness it may err by.
     pub tensions: Vec<f32>,

@@ -4,6 +4,7 @@
 //! the state: with all of them dropped before each tick the results have the same bits. A cache remembers the
 //! [`Version`] of what it was derived from, and compares.
 
+mod bends;
 mod bulk;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bevy::math::Vec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Bend, Elements, Exposed, Holds, Spring};
+use crate::solver::elements::{Elements, Exposed, Spring};
 use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
@@ -167,15 +168,6 @@ impl State {
         self.elements.push(ends.map(|end| end as u32), spring)
     }
 
-    /// Appends a bend; its index among those of as many ends.
-    pub(super) fn add_bend<const N: usize>(&mut self, ends: [usize; N], bend: Bend<N>) -> usize
-    where
-        Elements: Holds<Bend<N>, N>,
-    {
-        ends.into_iter().for_each(|end| self.pulls.forget(end));
-        self.elements.push(ends.map(|end| end as u32), bend)
-    }
-
     /// Removes a spring; its place stays empty.
     pub(crate) fn remove_spring(&mut self, index: usize) {
         self.forget_pulls(index);
@@ -211,7 +203,7 @@ impl State {
 
     /// Takes it that a spring that was added anew was there when the last tick ended, with the parameters `past`.
     pub(crate) fn set_past_spring(&mut self, index: usize, past: Spring) {
-        self.elements.set_past_spring(index, past);
+        self.elements.set_past(index, past);
     }
 
     /// The parameters of a spring; `None` beyond the last one. Those of an empty place are zero.

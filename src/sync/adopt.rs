@@ -16,6 +16,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     pub(super) fn adopt(&mut self) {
         self.adopt_particles();
         let absent = self.adopt_springs();
+        self.adopt_bends();
         self.adopt_planes();
         let nets = self.candidates.all_nets.iter().collect();
         self.state.nets.adopt(nets);
@@ -26,6 +27,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.simulation.fresh.resize(self.state.particles.slots.len(), false);
         absent.into_iter().for_each(|spring| self.suspend(spring));
         self.copy_all_springs();
+        self.copy_all_bends();
     }
 
     fn adopt_particles(&mut self) {
@@ -86,6 +88,11 @@ impl Assignment<'_, '_, '_, '_, '_> {
             {
                 state.springs.add(entity, &mut *slot);
             }
+            if let Ok((.., mut slot)) = self.candidates.bends.get_mut(entity)
+                && !slot.is_registered()
+            {
+                state.bends.all.add(entity, &mut *slot);
+            }
             if is_plane && !known.contains(&entity) {
                 state.planes.push(RegisteredPlane::new(entity));
             }
@@ -96,7 +103,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn complete_initial_state(&mut self) {
         let initial = &mut self.bookkeeping.initial;
         let recorded = initial.entities();
-        let MassSpringState { particles, springs, nets, planes, .. } = &mut *self.state;
+        let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *self.state;
         for entry in &mut particles.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
             let data = self.candidates.particles.get(entry.entity).ok().filter(|_| !entry.is_recorded);
@@ -122,6 +129,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
             if let Some((data, transform, _)) = data {
                 initial.record_net(net.entity, &data, transform);
                 net.is_recorded = true;
+            }
+        }
+        for entry in &mut bends.all.entries {
+            entry.is_recorded = recorded.contains(&entry.entity);
+            let data = self.candidates.bends.get(entry.entity).ok().filter(|_| !entry.is_recorded);
+            if let Some((bend, ..)) = data {
+                initial.record_bend(entry.entity, *bend);
+                entry.is_recorded = true;
             }
         }
         for plane in planes {

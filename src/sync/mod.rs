@@ -12,6 +12,7 @@
 //! the components; everything else here can be dropped.
 
 mod adopt;
+mod bends;
 mod easing;
 mod gather;
 mod hierarchy;
@@ -35,6 +36,7 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -75,6 +77,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
     let _ = app.try_register_required_components::<Spring, Slot<Spring>>();
+    let _ = app.try_register_required_components::<Bend, Slot<Bend>>();
     state::register_existing(app.world_mut());
     nets::register_existing_nets(app.world_mut());
     app.add_observer(state::register::<Particle>)
@@ -82,6 +85,8 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(state::note_despawned)
         .add_observer(state::register::<Spring>)
         .add_observer(state::unregister::<Spring>)
+        .add_observer(state::register::<Bend>)
+        .add_observer(state::unregister::<Bend>)
         .add_observer(state::mark_outdated::<Add, Quarantined>)
         .add_observer(state::mark_outdated::<Remove, Quarantined>)
         .add_observer(state::note_broken)
@@ -95,13 +100,20 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(nets::register_net)
         .add_observer(nets::mark_replaced)
         .add_observer(nets::unregister_net)
+        .add_observer(nets::untie)
+        .add_observer(nets::retie)
         .add_observer(nets::unlink_part)
         .add_observer(nets::relink_part)
         .add_observer(nets::note_despawned_part)
         .add_systems(
             schedule,
             (
-                (nets::gather_parts.run_if(nets::any_nets), gather::gather)
+                (
+                    (nets::give_breaking, nets::gather_parts).chain().run_if(nets::any_nets),
+                    nets::tie_attachments.run_if(nets::any_untied),
+                    nets::turn_winches.run_if(nets::any_winches),
+                    gather::gather,
+                )
                     .chain()
                     .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),

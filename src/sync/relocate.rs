@@ -6,6 +6,7 @@ use bevy::ecs::query::Allow;
 use bevy::math::{Affine3A, DVec3};
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::nets::{PartOf, PartState, ParticleNet, Parts};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
@@ -98,7 +99,7 @@ fn members(world: &mut World, scope: Scope) -> Members {
     Members { particles, nets, planes }
 }
 
-/// The entities that springs join to one, and itself.
+/// The entities that springs and bends join to one, and itself.
 fn net_of(world: &mut World, entity: Entity) -> EntityHashSet {
     let mut joined: EntityHashMap<Vec<Entity>> = EntityHashMap::default();
     let mut springs = world.query_filtered::<&Spring, Allow<Disabled>>();
@@ -110,6 +111,13 @@ fn net_of(world: &mut World, entity: Entity) -> EntityHashSet {
     for (part, &PartOf(net)) in parts.iter(world) {
         joined.entry(part).or_default().push(net);
         joined.entry(net).or_default().push(part);
+    }
+    let mut bends = world.query_filtered::<&Bend, Allow<Disabled>>();
+    for &Bend { particles: [first, middle, last], .. } in bends.iter(world) {
+        for (one, other) in [(first, middle), (middle, last)] {
+            joined.entry(one).or_default().push(other);
+            joined.entry(other).or_default().push(one);
+        }
     }
     let mut net = EntityHashSet::default();
     let mut found = vec![entity];

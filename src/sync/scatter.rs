@@ -188,12 +188,13 @@ impl Publications<'_, '_> {
     ) {
         for broken in &outputs.broken {
             let entity = state.springs.slots[broken.spring];
-            let (tick, tension, point) = (report.tick, broken.tension, broken.point + state.solver.origin);
-            // A net keeps the list of its own.
-            if !nets.contains(entity) {
-                self.commands.entity(entity).try_insert(Broken);
+            // Nets come apart after their arrays were written.
+            if nets.contains(entity) {
+                continue;
             }
-            self.commands.trigger(Broke { entity, tick, tension, point });
+            let (tick, tension, point) = (report.tick, broken.tension, broken.point + state.solver.origin);
+            self.commands.entity(entity).try_insert(Broken);
+            self.commands.trigger(Broke { entity, tick, tension, point, spring: None, pieces: None });
             report.broken += 1;
         }
         for &slot in &outputs.yielded {

@@ -5,6 +5,7 @@ use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::nets::{PartOf, PartState, ParticleNet};
 use crate::parameter::{self, InvalidParameter};
@@ -14,6 +15,7 @@ use crate::solver;
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::bends::BendData;
 use super::nets::{GatheredNets, NetData};
 use super::registry::{Entry, Slot};
 use super::snapshot::InitialState;
@@ -42,7 +44,7 @@ pub(super) type NetQuery<'w, 's> = Query<'w, 's, NetData, Allow<Disabled>>;
 /// A part, and the net of which it is one.
 pub(super) type PartOfNet = (&'static PartOf, &'static mut PartState);
 
-type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<PlaneCollider>)>;
 
 /// All entities that may have a slot.
 #[derive(SystemParam)]
@@ -52,6 +54,7 @@ pub(super) struct Candidates<'w, 's> {
     pub nets: NetQuery<'w, 's>,
     pub parts: Query<'w, 's, PartOfNet, Allow<Disabled>>,
     pub all_nets: Query<'w, 's, Entity, (With<ParticleNet>, Allow<Disabled>)>,
+    pub bends: Query<'w, 's, BendData, Allow<Disabled>>,
     pub orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
     /// All of these, and the planes.
     pub all: Query<'w, 's, (Entity, Has<PlaneCollider>), (IsRegistered, Allow<Disabled>)>,
@@ -62,8 +65,8 @@ pub(super) struct Candidates<'w, 's> {
 pub(super) struct Bookkeeping<'w, 's> {
     pub warnings: ResMut<'w, Warnings>,
     pub initial: ResMut<'w, InitialState>,
-    orphaned_springs: Res<'w, OrphanedSprings>,
-    commands: Commands<'w, 's>,
+    pub orphaned_springs: Res<'w, OrphanedSprings>,
+    pub commands: Commands<'w, 's>,
 }
 
 pub(super) fn check_particle(
@@ -102,6 +105,8 @@ pub(super) fn refresh_slots(
     state.is_outdated |= state.excluded.iter().any(is_corrected);
     state.is_outdated |= state.particles.is_fragmented(net_particles, MAX_FRAGMENTATION);
     state.is_outdated |= state.springs.is_fragmented(net_springs, MAX_FRAGMENTATION);
+    state.is_outdated |= state.bends.all.is_fragmented(0, MAX_FRAGMENTATION);
+    edits.retry |= state.bends.all.pending() > 0;
     let pending = state.particles.pending() + state.springs.pending() + state.broken.len();
     let any_pending = pending > 0 || state.nets.is_pending;
     if state.is_outdated {
@@ -140,6 +145,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
             old_springs.filter(|(entity, _)| self.candidates.springs.contains(*entity)).collect();
         state.particles.reset_slots();
         state.springs.reset_slots();
+        let past_bends = self.past_bends();
+        let state = &mut *self.state;
+        state.bends.reset_slots();
         let pulls = state.solver.take_pulls();
         state.solver.clear();
         let order_of =
@@ -147,6 +155,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         if !self.candidates.orders.is_empty() {
             state.particles.entries.sort_by_cached_key(order_of);
             state.springs.entries.sort_by_cached_key(order_of);
+            state.bends.all.entries.sort_by_cached_key(order_of);
         }
 
         let mut new_slots = vec![None; old_entities.len()];
@@ -159,6 +168,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.place_parts();
         self.add_new_springs();
         self.remember_springs(&old_springs);
+        self.add_bends(false);
+        self.remember_bends(&past_bends);
         self.state.solver.renumber_contacts(&new_slots);
         self.state.solver.put_back_pulls(pulls, &new_slots);
         if let Some(order) = self.simulation.caches.better_order(&self.state.solver) {
@@ -210,6 +221,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.suspend(spring);
         }
         let old_nets = self.remove_nets();
+        self.remove_bends(&edits.relinked_bends);
         self.add_particles(|_, _, _| None);
         let any_nets = self.state.nets.is_pending;
         self.add_nets(old_nets, &mut []);
@@ -223,15 +235,17 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.add_spring(spring);
         }
         self.add_new_springs();
+        self.add_bends(first == 0);
     }
 
-    /// Empties the slot of a particle; its springs are pending from now on.
+    /// Empties the slot of a particle; its springs and bends are pending from now on.
     fn remove_particle(&mut self, slot: usize) {
         if !self.state.particles.vacate(slot) {
             return;
         }
         let springs = self.simulation.caches.springs_at(&self.state.solver, slot);
         self.state.solver.remove_particle(slot);
+        self.suspend_bends_at(slot);
         for spring in springs {
             self.suspend(self.state.springs.slots[spring]);
         }

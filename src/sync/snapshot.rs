@@ -3,6 +3,7 @@
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities, SceneEntityMapper};
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
 use crate::nets::{PartState, ParticleNet, Parts};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity};
@@ -41,6 +42,7 @@ pub struct Snapshot {
     springs: Vec<SpringRecord>,
     nets: Vec<NetRecord>,
     parts: Vec<PartRecord>,
+    bends: Vec<(Entity, Bend)>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
@@ -51,7 +53,7 @@ pub struct Snapshot {
 #[error("the snapshot has {expected} {what}, the world {found}")]
 #[non_exhaustive]
 pub struct SnapshotError {
-    /// Particles, springs, nets or planes.
+    /// Particles, springs, bends, nets, parts or planes.
     pub what: &'static str,
     /// Their number in the snapshot.
     pub expected: usize,
@@ -60,7 +62,7 @@ pub struct SnapshotError {
 }
 
 impl Snapshot {
-    /// Takes a snapshot of all particles, springs, nets and planes. It changes nothing.
+    /// Takes a snapshot of all particles, springs, bends, nets and planes. It changes nothing.
     ///
     /// Between two ticks positions are those of the last one, not those that interpolation shows.
     ///
@@ -77,12 +79,14 @@ impl Snapshot {
         let parts_of = |net: Entity| world.get::<Parts>(net).map_or(&[][..], Parts::entities);
         let parts = state.nets.entities().flat_map(|net| parts_of(net).iter().map(move |part| (net, *part)));
         let parts = parts.filter_map(|(net, part)| PartRecord::of(world, net, part)).collect();
-        Self { particles, springs, nets, parts, planes, state: Some(state.clone()) }
+        let bends = state.bends.all.entities();
+        let bends = bends.filter_map(|entity| Some((entity, *world.get::<Bend>(entity)?))).collect();
+        Self { particles, springs, bends, nets, parts, planes, state: Some(state.clone()) }
     }
 
-    /// Puts all particles, springs, nets and planes of the snapshot back that still exist, and the solver with them.
+    /// Puts all particles, springs, bends, nets and planes of the snapshot back that still exist, and the solver with them.
     ///
-    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
+    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends and the place and parameters of
     /// planes return to what they were; particles that were quarantined and springs that broke
     /// since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
@@ -98,7 +102,7 @@ impl Snapshot {
     /// simulation there becomes the first one of the snapshot, and so on.
     ///
     /// # Errors
-    /// If the world has another number of particles, springs, nets or planes. Nothing is changed then.
+    /// If the world has another number of particles, springs, bends, nets or planes. Nothing is changed then.
     ///
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
@@ -109,6 +113,7 @@ impl Snapshot {
             ("springs", self.spring_entities(), present.spring_entities()),
             ("nets", self.net_entities(), present.net_entities()),
             ("parts", self.part_entities(), present.part_entities()),
+            ("bends", self.bend_entities(), present.bend_entities()),
             ("planes", self.plane_entities(), present.plane_entities()),
         ];
         let mut map = EntityHashMap::default();
@@ -141,12 +146,16 @@ impl Snapshot {
         self.parts.iter().map(|record| record.entity).collect()
     }
 
+    fn bend_entities(&self) -> Vec<Entity> {
+        self.bends.iter().map(|(entity, _)| *entity).collect()
+    }
+
     fn plane_entities(&self) -> Vec<Entity> {
         self.planes.iter().map(|record| record.entity).collect()
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, nets, parts, planes, state } = self;
+        let Self { particles, springs, bends, nets, parts, planes, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -157,6 +166,11 @@ impl Snapshot {
         springs.iter().for_each(|record| record.restore(world));
         nets.into_iter().for_each(|record| record.restore(world));
         parts.into_iter().for_each(|record| record.restore(world));
+        for (entity, recorded) in bends {
+            if let Some(mut bend) = world.get_mut::<Bend>(entity) {
+                bend.set_if_neq(recorded);
+            }
+        }
         planes.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
@@ -176,6 +190,10 @@ impl MapEntities for Snapshot {
         for record in &mut self.parts {
             (record.entity, record.net) = (mapper.get_mapped(record.entity), mapper.get_mapped(record.net));
         }
+        for (entity, bend) in &mut self.bends {
+            *entity = mapper.get_mapped(*entity);
+            bend.map_entities(mapper);
+        }
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
             state.map_entities(mapper);
@@ -190,11 +208,13 @@ pub(super) struct InitialState(Snapshot);
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        let Snapshot { particles, springs, nets, planes, .. } = &self.0;
+        let Snapshot { particles, springs, bends, nets, planes, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
         let springs = springs.iter().map(|record| record.entity);
+        let bends = bends.iter().map(|(entity, _)| *entity);
         let nets = nets.iter().map(|record| record.entity);
-        particles.chain(springs).chain(nets).chain(planes.iter().map(|record| record.entity)).collect()
+        let planes = planes.iter().map(|record| record.entity);
+        particles.chain(springs).chain(bends).chain(nets).chain(planes).collect()
     }
 
     pub fn record_particle(
@@ -244,6 +264,10 @@ impl InitialState {
         self.0.parts.push(record);
     }
 
+    pub fn record_bend(&mut self, entity: Entity, bend: Bend) {
+        self.0.bends.push((entity, bend));
+    }
+
     pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {
         let Transform { translation, rotation, .. } = *transform;
         self.0.planes.push(PlaneRecord { entity, plane, translation, rotation });
@@ -254,9 +278,10 @@ impl InitialState {
 pub(crate) fn take_initial_state(world: &mut World) {
     let snapshot = Snapshot::take(world);
     let mut state = world.resource_mut::<MassSpringState>();
-    let MassSpringState { particles, springs, nets, planes, .. } = &mut *state;
+    let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *state;
     nets.entries.iter_mut().for_each(|net| net.is_recorded = true);
-    particles.entries.iter_mut().chain(&mut springs.entries).for_each(|entry| entry.is_recorded = true);
+    let entries = particles.entries.iter_mut().chain(&mut springs.entries).chain(&mut bends.all.entries);
+    entries.for_each(|entry| entry.is_recorded = true);
     planes.iter_mut().for_each(|plane| plane.is_recorded = true);
     world.resource_mut::<InitialState>().0 = snapshot;
 }

@@ -13,6 +13,7 @@ use crate::solver;
 use crate::spring::{Plasticity, Spring};
 
 use super::Simulation;
+use super::bends::{EditedBends, copy_edited_bends};
 use super::registry::Slot;
 use super::slots::{PartOfNet, ParticleData};
 use super::state::{MassSpringState, Warnings};
@@ -20,10 +21,11 @@ use super::state::{MassSpringState, Warnings};
 /// Springs and whether they were edited.
 type EditedSprings = (Entity, Ref<'static, Spring>, &'static Slot<Spring>);
 
-/// Springs that may have been edited, and the slots of their ends.
+/// Springs and bends that may have been edited, and the slots of their ends.
 #[derive(SystemParam)]
 pub(super) struct SpringQueries<'w, 's> {
     springs: Query<'w, 's, EditedSprings>,
+    bends: EditedBends<'w, 's>,
     particles: Query<'w, 's, &'static Slot<Particle>>,
     parts: Query<'w, 's, &'static PartState>,
 }
@@ -53,6 +55,8 @@ impl SpringQueries<'_, '_> {
 pub(super) struct Edits {
     /// Springs in the simulation that are now bad, or have other ends.
     pub relinked: Vec<Entity>,
+    /// Bends likewise.
+    pub relinked_bends: Vec<Entity>,
     /// Whether springs may have been corrected.
     pub retry: bool,
 }
@@ -87,6 +91,9 @@ pub(super) fn copy_edited_springs(
             edits.retry |= copied != Some(true);
         }
     }
+    let SpringQueries { bends, particles, .. } = queries;
+    edits.retry |=
+        copy_edited_bends(state, simulation, warnings, bends, particles, &mut edits.relinked_bends);
     edits
 }
 

@@ -12,8 +12,8 @@ fn balloon(radius: f32, subdivisions: u32) -> Topology {
     recipe.topology().expect("sound")
 }
 
-/// Under a small pressure p the radius grows by p r / (2 K) (1 − ν) of itself, ν = 1/3, and the mean tension is p r / 2
-/// (the virial of springs: Σ T l = 2 A · tension).
+/// Under a small pressure p the radius grows by p r / (2 K) (1 − ν) of itself, ν = 1/3, and the mean tension is p r
+/// / 2 (the virial of springs: Σ T l = 2 A · tension).
 #[test]
 fn pressure_stretches_a_sphere_by_its_closed_form() {
     let (radius, pressure, stiffness) = (0.5, 10.0, 1e3);

@@ -67,7 +67,8 @@ fn a_strip_pulled_along_the_grid_lengthens_alike_at_every_resolution() {
     }
 }
 
-/// Cells four times as long as wide have long diagonals, which are not at all particles of the rim: it is softer there.
+/// Cells four times as long as wide have long diagonals, which are not at all particles of the rim: it is softer
+/// there.
 #[test]
 fn oblong_cells_make_the_same_cloth() {
     let cells = UVec2::new(10, 10);
@@ -132,8 +133,8 @@ fn a_clamped_cloth_sinks_by_its_closed_form() {
     }
 }
 
-/// The energy of z = ½ (p x² + q y²) + r x y is ½ D (p² + q² + 2 r²) per area, and twist alone has its part: rods stand
-/// for all but the first and last half cell along them.
+/// The energy of z = ½ (p x² + q y²) + r x y is ½ D (p² + q² + 2 r²) per area, and twist alone has its part: rods
+/// stand for all but the first and last half cell along them.
 #[test]
 fn curvature_and_twist_cost_what_the_plate_says() {
     let material = ClothMaterial { bending_stiffness: D as f32, ..material() };
@@ -209,8 +210,8 @@ fn a_mesh_of_equilateral_triangles_is_isotropic() {
     }
 }
 
-/// q l⁴ / (8 D) on a mesh: a strip of equilateral triangles 8 times as long as wide, so that its sides are free.
-/// Hinges at the sides stand for half of a row, which is missing: 1/16 of the width.
+/// q l⁴ / (8 D) on a mesh: a strip of equilateral triangles, 4.6 times as long as wide. At its clamped end it cannot
+/// bend across, as its free sides let it (Poisson's ratio 1/3), and is stiffer by up to 1 − ν² over a width's length.
 #[test]
 fn a_clamped_mesh_sinks_by_its_closed_form() {
     let (columns, rows, side) = (64, 16, 0.05);
@@ -229,7 +230,7 @@ fn a_clamped_mesh_sinks_by_its_closed_form() {
     let expected = load * length.powi(4) / (8.0 * D);
     let tip = ((rows / 2) * (columns + 1) + columns) as usize;
     let found = displacements[tip].z;
-    assert!((found / expected - 1.0).abs() < 0.08, "{found} {expected}");
+    assert!((found / expected - 1.0).abs() < 0.04, "{found} {expected}");
 }
 
 /// Vertices of a mesh with seams hang on one particle each place, in the order of the mesh.

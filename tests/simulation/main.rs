@@ -25,6 +25,7 @@ mod implicit_euler;
 mod islands;
 mod lifecycle;
 mod mixture;
+mod net_breaking;
 mod order;
 mod overlap;
 mod physics;

@@ -27,6 +27,9 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
     let pinned = scene.particles.iter().filter(|particle| particle.pinned).count();
     writeln!(text, "particles               {} ({pinned} pinned)", scene.particles.len())?;
     writeln!(text, "springs                 {}", scene.springs.len())?;
+    if !scene.bends.is_empty() {
+        writeln!(text, "bends                   {}", scene.bends.len())?;
+    }
     writeln!(text, "planes                  {}", scene.planes.len())?;
     writeln!(text, "time step               {} s", significant(scene.solver.time_step))?;
     let omega = bounds.angular_frequency;

@@ -2,10 +2,10 @@
 
 use bevy::math::Vec3;
 use bevy_mass_spring::SubstepMode;
-use bevy_mass_spring::scene::{MassSpringScene, SceneSolver, SceneSpring};
-use bevy_mass_spring::solver::{MAX_SUBSTEPS, Plan, Solver, Spring, StepSettings};
+use bevy_mass_spring::scene::{MassSpringScene, SceneBend, SceneSolver, SceneSpring};
+use bevy_mass_spring::solver::{Bend, MAX_SUBSTEPS, Plan, Solver, Spring, StepSettings};
 
-/// The particles and springs of a scene in the solver alone, each particle with the position and velocity of `state`.
+/// The particles, springs and bends of a scene in the solver alone, each particle with the position and velocity of `state`.
 pub fn solver(scene: &MassSpringScene, state: impl Fn(usize) -> [Vec3; 2]) -> Solver {
     let mut solver = Solver::default();
     for (index, particle) in scene.particles.iter().enumerate() {
@@ -19,6 +19,10 @@ pub fn solver(scene: &MassSpringScene, state: impl Fn(usize) -> [Vec3; 2]) -> So
         let elastic = Spring::elastic(rest_length, stiffness, damping);
         let parameters = Spring { tension_only, max_stretch, breaking_force, ..elastic };
         solver.add_spring(spring.particles.into(), parameters).expect("the scene is valid");
+    }
+    for &SceneBend { particles: (first, middle, last), stiffness, damping } in &scene.bends {
+        let bend = Bend { rest_length: 0.0, stiffness, damping, weights: [1.0, -2.0, 1.0] };
+        solver.add_rod([first, middle, last], bend).expect("the scene is valid");
     }
     solver
 }

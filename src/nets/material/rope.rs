@@ -48,9 +48,9 @@ impl RopeMaterial {
         retardation_time: 1e-3,
     };
 
-    /// Three-strand natural fibre (hemp, manila) of 10 mm: about 0.067 kg/m, breaks near 6 kN at an elongation near 13 %
-    /// (McKenna, Hearle and O'Hear, *Handbook of Fibre Rope Technology*, 2004): EA is the secant. EI is that of yarns
-    /// that slide.
+    /// Three-strand natural fibre (hemp, manila) of 10 mm: about 0.067 kg/m, breaks near 6 kN at an elongation near
+    /// 13 % (McKenna, Hearle and O'Hear, *Handbook of Fibre Rope Technology*, 2004): EA is the secant. EI is that of
+    /// yarns that slide.
     pub const HEMP: Self = Self {
         linear_density: 0.067,
         stretch_stiffness: 4.6e4,

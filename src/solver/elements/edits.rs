@@ -1,7 +1,7 @@
 //! Adding, changing and removing elements, and which versions these change.
 
 use super::versions::Versions;
-use super::{Element, Elements, Holds, Spring};
+use super::{Element, Elements, Holds};
 use crate::solver::state::Version;
 
 impl Elements {
@@ -56,8 +56,11 @@ impl Elements {
     }
 
     /// See [`Table::set_past`].
-    pub fn set_past_spring(&mut self, index: usize, past: Spring) {
-        self.springs.set_past(index, past);
+    pub fn set_past<E: Element<N>, const N: usize>(&mut self, index: usize, past: E)
+    where
+        Self: Holds<E, N>,
+    {
+        self.table_mut().set_past(index, past);
         self.versions.rates = Version::new();
     }
 

@@ -2,8 +2,8 @@
 
 use bevy::math::Vec3;
 
-use super::bends::add_all_bends;
-use super::{Motion, in_vectors};
+use super::bends::AddBends;
+use super::{Motion, in_vectors, run};
 use crate::solver::elements::{Bend, Element, Spring, for_each_kind};
 use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
 use crate::solver::settings::Field;
@@ -58,7 +58,9 @@ pub(super) fn block_accelerations(
         }
     }
     add_runs(block, motion, &mut force, block.slots.start);
-    add_all_bends(block, motion, &mut force);
+    if AddBends::is_needed(block) {
+        run(AddBends { block, motion, force: &mut force });
+    }
     add_all_loose(block, motion, &mut force);
     // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.

@@ -11,12 +11,33 @@ use crate::solver::graph::{BendList, BendRun};
 /// The pulls of the bends of a chunk, from index `LANES`, with zeros on both sides.
 struct Pulls([[f32; LANES + CHUNK + LANES + LANES]; 3]);
 
+/// Adds the forces of all bends in runs. Work of its own, as the compiler would else copy it into each that evaluates
+/// forces.
+pub(super) struct AddBends<'a, 'b> {
+    pub block: &'a Block,
+    pub motion: Motion<'a>,
+    pub force: &'a mut [&'b mut [f32]; 3],
+}
+
 macro_rules! define_add_bends {
     ($($(#[$meta:meta])* $kind:ident: $ends:literal;)*) => {
-        /// Adds the forces of all bends in runs.
-        #[inline(always)]
-        pub(super) fn add_all_bends(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3]) {
-            $($(#[$meta])* add_bends(&block.bends.$kind, motion, force, block.slots.start);)*
+        impl AddBends<'_, '_> {
+            /// Whether there are any.
+            pub fn is_needed(block: &Block) -> bool {
+                let mut any = false;
+                $($(#[$meta])* { any |= !block.bends.$kind.runs.is_empty(); })*
+                any
+            }
+        }
+
+        impl pulp::WithSimd for AddBends<'_, '_> {
+            type Output = ();
+
+            #[inline(always)]
+            fn with_simd<S: pulp::Simd>(self, _: S) {
+                let Self { block, motion, force } = self;
+                $($(#[$meta])* add_bends(&block.bends.$kind, motion, force, block.slots.start);)*
+            }
         }
     };
 }
@@ -35,8 +56,7 @@ fn add_bends<const N: usize>(list: &BendList<N>, motion: Motion, force: &mut [&m
             match (run.is_curved, run.is_damped) {
                 (false, false) => compute::<false, false, N>(list, run, (done, chunk), motion, &mut pulls),
                 (false, true) => compute::<false, true, N>(list, run, (done, chunk), motion, &mut pulls),
-                (true, false) => compute::<true, false, N>(list, run, (done, chunk), motion, &mut pulls),
-                (true, true) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut pulls),
+                (true, _) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut pulls),
             }
             match run.weights {
                 Some(weights) => add_uniform(run, weights, (done, chunk), &mut pulls, force, start),

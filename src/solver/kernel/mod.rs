@@ -330,6 +330,17 @@ mod tests {
             Accelerate { block, motion, field: FIELD, acceleration }.with_simd(pulp::Scalar::new());
         }
         assert_eq!(evaluated(&particles, &blocks), portable);
+        // Bends are work of their own.
+        let mut forces = [Vectors::default(), Vectors::default()];
+        for (forces, is_portable) in forces.iter_mut().zip([true, false]) {
+            forces.resize(particles.len());
+            for (block, mut force) in blocks.blocks.iter().zip(blocks.split(forces.axes_mut())) {
+                let work = bends::AddBends { block, motion, force: &mut force };
+                if is_portable { work.with_simd(pulp::Scalar::new()) } else { run(work) }
+            }
+        }
+        assert_eq!(forces[0], forces[1]);
+        assert_ne!(forces[0].get(particles.len() / 2), Vec3::ZERO);
     }
 
     fn pair(velocities: [Vec3; 2], inverse_mass: f32, springs: bool) -> (Particles, Blocks) {

@@ -8,7 +8,9 @@ mod plan;
 mod tally;
 
 use crate::solver::elements::Elements;
-use crate::solver::graph::{for_each_coupling, has_loops};
+use crate::solver::graph::for_each_coupling;
+#[cfg(test)]
+use crate::solver::graph::has_loops;
 use crate::solver::particles::Particles;
 use crate::solver::settings::Integrator;
 pub use plan::Plan;
@@ -80,8 +82,8 @@ pub struct FrequencyBounds {
     /// τ such that C >= τ K: every motion against a spring is damped at least so much; s.
     /// Infinite where there are no springs.
     pub retardation_time: f64,
-    /// Whether the springs between free particles close a loop. Ropes, chains and trees have none;
-    /// their implicit equations are solved directly.
+    /// Whether the springs between free particles close a loop, or bends couple them as a loop would. Ropes, with
+    /// bends along them or without, chains and trees have none; their implicit equations are solved directly.
     pub has_loops: bool,
 }
 
@@ -94,11 +96,11 @@ impl Default for FrequencyBounds {
 
 impl FrequencyBounds {
     /// Bounds for a whole net in a medium of `viscosity` in N·s/m.
-    pub(super) fn of(elements: &Elements, particles: &Particles, viscosity: f32) -> Self {
+    pub(super) fn of(elements: &Elements, particles: &Particles, viscosity: f32, has_loops: bool) -> Self {
         let mut tally = Tally::default();
         particles.inverse_mass().iter().for_each(|inverse| tally.add_particle(*inverse));
         for_each_coupling(elements, particles, |coupling| tally.add_coupling(&coupling));
-        tally.bounds(viscosity, has_loops(elements, particles))
+        tally.bounds(viscosity, has_loops)
     }
 
     /// Those with a gas of this ω² at most (1/s²) besides: K is a sum of two, and of sums the largest eigenvalue is at
@@ -228,7 +230,7 @@ mod tests {
 
     fn bounds_of(inverse_mass: &[f32], springs: &[(u32, u32, f32, f32)], viscosity: f32) -> FrequencyBounds {
         let (elements, particles) = net(inverse_mass, springs);
-        FrequencyBounds::of(&elements, &particles, viscosity)
+        FrequencyBounds::of(&elements, &particles, viscosity, has_loops(&elements, &particles))
     }
 
     #[test]

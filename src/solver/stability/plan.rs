@@ -4,7 +4,7 @@ use super::gas::GasBounds;
 use super::tally::Tally;
 use super::{FrequencyBounds, SECOND_ORDER_SUBSTEPS, cost};
 use crate::solver::elements::Elements;
-use crate::solver::graph::{Island, IslandSet, Islands, for_each_coupling};
+use crate::solver::graph::{Island, IslandSet, Islands, for_each_coupling, has_loops};
 use crate::solver::particles::Particles;
 use crate::solver::settings::{Integrator, StepSettings, SubstepMode};
 use crate::solver::state::Version;
@@ -56,6 +56,8 @@ pub(in crate::solver) struct Planner {
     element_bounds: FrequencyBounds,
     gas_bounds: GasBounds,
     bounds_key: Option<Key>,
+    /// Whether the equations of any island are not solved directly, and of which elements and free particles that is.
+    has_loops: (bool, Option<(Version, Version)>),
     islands: Islands,
     /// Bounds of each island, and of the free particles in none.
     island_bounds: (Vec<FrequencyBounds>, FrequencyBounds),
@@ -122,7 +124,11 @@ impl Planner {
         let key = Some(key(elements, particles, viscosity));
         if self.bounds_key != key {
             self.bounds_key = key;
-            self.element_bounds = FrequencyBounds::of(elements, particles, viscosity);
+            let present = Some((elements.ends_version(), particles.free_version()));
+            if self.has_loops.1 != present {
+                self.has_loops = (has_loops(elements, particles), present);
+            }
+            self.element_bounds = FrequencyBounds::of(elements, particles, viscosity, self.has_loops.0);
         }
         self.gas_bounds.refresh(elements, particles);
         self.bounds = self.element_bounds.with_gas(self.gas_bounds.of(|_| true));

@@ -6,6 +6,7 @@ use bevy::prelude::*;
 use super::super::Simulation;
 use super::super::state::MassSpringState;
 use super::super::view::View;
+use super::failure::publish_breaks;
 use super::gather::GatheredNets;
 use super::registry::NetPlace;
 use crate::nets::{Arrays, ParticleNet};
@@ -20,6 +21,7 @@ pub(in crate::sync) fn any_nets(state: Res<MassSpringState>) -> bool {
 
 /// Copies positions and velocities back, and takes out which are not finite.
 pub(in crate::sync) fn scatter_nets(
+    mut commands: Commands,
     simulation: Res<Simulation>,
     mut state: ResMut<MassSpringState>,
     mut gathered: ResMut<GatheredNets>,
@@ -59,17 +61,19 @@ pub(in crate::sync) fn scatter_nets(
                 *is_outdated = true;
             }
         }
-        for broken in &simulation.outputs.broken {
-            if place.ranges.springs.contains(&broken.spring) {
-                net.break_spring((broken.spring - place.ranges.springs.start) as u32);
-            }
-        }
         if simulation.outputs.record_forces {
             let tensions = simulation.outputs.tensions.get(place.ranges.springs.clone()).unwrap_or_default();
             net.bypass_change_detection().arrays_mut().tensions.clear();
             net.bypass_change_detection().arrays_mut().tensions.extend_from_slice(tensions);
         }
         known.written = Some(net.last_changed());
+        let broken = &simulation.outputs.broken;
+        if !broken.is_empty()
+            && publish_breaks(&mut commands, (entry.entity, &mut net, place), broken, solver, &mut report)
+        {
+            // Its topology is another one.
+            known.written = None;
+        }
     }
     report.scatter_time += start.elapsed();
 }
