@@ -62,7 +62,8 @@ fn an_edited_bend_acts_with_its_new_stiffness_and_a_bad_one_not_at_all() {
 fn a_bend_waits_for_its_end_and_goes_with_it() {
     let mut app = app();
     plain(&mut app);
-    let [first, middle] = [Vec3::ZERO, Vec3::new(0.5, 0.25, 0.0)].map(|place| spawn(&mut app, 0.5, 0.0, place));
+    let [first, middle] =
+        [Vec3::ZERO, Vec3::new(0.5, 0.25, 0.0)].map(|place| spawn(&mut app, 0.5, 0.0, place));
     let last = app.world_mut().spawn_empty().id();
     let bend = app.world_mut().spawn(Bend::new(first, middle, last)).id();
     run(&mut app, 2);
