@@ -40,6 +40,8 @@ pub mod drag;
 pub mod environment;
 #[cfg(feature = "gizmos")]
 pub mod gizmos;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 #[cfg(feature = "interpolation")]
 mod interpolation;
 pub mod nets;
@@ -81,7 +83,10 @@ pub mod prelude {
     pub use crate::environment::{Environment, Gusts};
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
-    pub use crate::nets::ParticleNet;
+    pub use crate::nets::{
+        Balloon, BalloonMaterial, Cloth, ClothMaterial, Corner, Jelly, JellyMaterial, ParticleNet, Rope,
+        RopeMaterial, Side,
+    };
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
     pub use crate::particle::{

@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use crate::bend::Bend;
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
+use crate::nets::{self, Attachment, Breaking, Part, PartOf, PartState, ParticleNet, Parts, Winch};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
@@ -98,6 +99,7 @@ impl Plugin for MassSpringPlugin {
                     .run_if(time_advances),
             );
         sync::build(app, self.schedule);
+        nets::build(app, self.schedule);
         register_types(app);
         if self.companions {
             self.add_companions(app);
@@ -115,6 +117,7 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, PlaneCollider)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
+        .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
         .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -63,6 +63,6 @@ pub use particles::PinnedMotion;
 pub use settings::{Gusts, Integrator, PairRules, StepSettings, SubstepMode, UnknownIntegrator};
 pub use stability::{FrequencyBounds, MAX_SUBSTEPS, Plan};
 pub use state::State;
-pub(crate) use state::Version;
+pub(crate) use state::{NetElements, NetRanges, Version};
 pub use step::Inputs;
 pub(crate) use step::{Caches, step};

@@ -207,6 +207,20 @@ impl Particles {
         self.free_version = self.added_version;
     }
 
+    /// Appends particles: position in m, velocity in m/s, 1 / mass in 1/kg; all of the same radius, m.
+    pub fn extend(&mut self, added: impl ExactSizeIterator<Item = (Vec3, Vec3, f32)>, radius: f32) {
+        let count = self.len() + added.len();
+        for (position, velocity, inverse_mass) in added {
+            self.position.push(position);
+            self.velocity.push(velocity);
+            self.inverse_mass.push(inverse_mass);
+        }
+        self.applied_force.resize(count);
+        self.radius.resize(count, radius);
+        self.added_version = Version::new();
+        self.free_version = self.added_version;
+    }
+
     /// Empties a slot: a pinned point is left that touches nothing.
     pub fn vacate(&mut self, slot: usize) {
         self.velocity.set(slot, Vec3::ZERO);

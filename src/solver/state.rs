@@ -5,6 +5,7 @@
 //! [`Version`] of what it was derived from, and compares.
 
 mod bends;
+mod bulk;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -15,6 +16,8 @@ use crate::solver::elements::{Elements, Exposed, Spring};
 use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
+
+pub(crate) use bulk::{NetElements, NetRanges};
 
 /// Marks contents: what has the same version is the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

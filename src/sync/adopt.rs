@@ -18,7 +18,10 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let absent = self.adopt_springs();
         self.adopt_bends();
         self.adopt_planes();
+        let nets = self.candidates.all_nets.iter().collect();
+        self.state.nets.adopt(nets);
         self.register_unknown();
+        self.place_parts();
         self.complete_initial_state();
         self.simulation.fresh.clear();
         self.simulation.fresh.resize(self.state.particles.slots.len(), false);
@@ -100,7 +103,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn complete_initial_state(&mut self) {
         let initial = &mut self.bookkeeping.initial;
         let recorded = initial.entities();
-        let MassSpringState { particles, springs, bends, planes, .. } = &mut *self.state;
+        let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *self.state;
         for entry in &mut particles.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
             let data = self.candidates.particles.get(entry.entity).ok().filter(|_| !entry.is_recorded);
@@ -120,6 +123,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
                 entry.is_recorded = true;
             }
         }
+        for net in &mut nets.entries {
+            net.is_recorded = recorded.contains(&net.entity);
+            let data = self.candidates.nets.get(net.entity).ok().filter(|_| !net.is_recorded);
+            if let Some((data, transform, _)) = data {
+                initial.record_net(net.entity, &data, transform);
+                net.is_recorded = true;
+            }
+        }
         for entry in &mut bends.all.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
             let data = self.candidates.bends.get(entry.entity).ok().filter(|_| !entry.is_recorded);
@@ -135,11 +146,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Copies the parameters of all springs in the simulation; those with other ends are pending from now on.
     fn copy_all_springs(&mut self) {
-        let Candidates { particles, springs, .. } = &self.candidates;
+        let Candidates { particles, parts, springs, .. } = &self.candidates;
         let mut relinked = Vec::new();
         for &entity in self.state.springs.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
             let Ok((spring, _, slot)) = springs.get(entity) else { continue };
-            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
+            let slot_of = |end| match particles.get(end) {
+                Ok((.., slot)) => slot.get(),
+                Err(_) => parts.get(end).ok().and_then(|(_, part)| part.slot).map(|slot| slot as usize),
+            };
             if slot.get().is_some_and(|slot| !copy_spring(spring, slot, slot_of, &mut self.state.solver)) {
                 relinked.push(entity);
             }

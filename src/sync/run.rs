@@ -42,7 +42,7 @@ pub(super) fn run_step(
     report.tick += 1;
     (report.integrator, report.substeps) = (integrator, substeps);
     (report.stiff_substeps, report.stiff_springs) = (stiff_substeps, stiff_springs);
-    report.particles = state.particles.live();
+    report.particles = state.particles.live() - state.nets.quarantined;
     report.springs = state.springs.live();
     report.contacts = outputs.contact_count;
     report.gather_time = gathered.start.map_or(Duration::ZERO, |gather_start| start - gather_start);

@@ -1,10 +1,12 @@
 //! Springs: which were edited, what they do, and what can be wrong with them.
 
+use bevy::ecs::entity::EntityHashSet;
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use crate::nets::PartState;
 use crate::parameter::InvalidParameter;
 use crate::particle::Particle;
 use crate::solver;
@@ -13,7 +15,7 @@ use crate::spring::{Plasticity, Spring};
 use super::Simulation;
 use super::bends::{EditedBends, copy_edited_bends};
 use super::registry::Slot;
-use super::slots::ParticleData;
+use super::slots::{PartOfNet, ParticleData};
 use super::state::{MassSpringState, Warnings};
 
 /// Springs and whether they were edited.
@@ -25,6 +27,27 @@ pub(super) struct SpringQueries<'w, 's> {
     springs: Query<'w, 's, EditedSprings>,
     bends: EditedBends<'w, 's>,
     particles: Query<'w, 's, &'static Slot<Particle>>,
+    parts: Query<'w, 's, &'static PartState>,
+}
+
+impl SpringQueries<'_, '_> {
+    /// The slot of a particle, or of a part of one.
+    fn slot_of(&self, end: Entity) -> Option<usize> {
+        let of_part = || self.parts.get(end).ok().and_then(|part| part.slot).map(|slot| slot as usize);
+        self.particles.get(end).map_or_else(|_| of_part(), Slot::get)
+    }
+
+    /// The springs in the simulation that end in one of these entities, in their order.
+    pub fn ending_in(&self, ends: &EntityHashSet) -> Vec<Entity> {
+        let springs = self
+            .springs
+            .iter()
+            .filter(|(_, spring, _)| spring.particles.iter().any(|end| ends.contains(end)));
+        let mut found: Vec<(usize, Entity)> =
+            springs.filter_map(|(entity, _, slot)| Some((slot.get()?, entity))).collect();
+        found.sort_unstable();
+        found.into_iter().map(|(_, entity)| entity).collect()
+    }
 }
 
 /// What became of the springs that were edited.
@@ -57,7 +80,7 @@ pub(super) fn copy_edited_springs(
             if !tick.is_newer_than(last_run, this_run) {
                 continue;
             }
-            let slot_of = |particle| queries.particles.get(particle).ok().and_then(Slot::get);
+            let slot_of = |end| queries.slot_of(end);
             let copied =
                 slots[row].get().map(|slot| copy_spring(&springs[row], slot, slot_of, &mut state.solver));
             match copied {
@@ -106,12 +129,17 @@ pub(super) enum SpringProblem {
     MissingParticle(Entity),
     #[error("both of its ends are {0}")]
     Loop(Entity),
+    #[error("its end {0} is a part of {1} particles, expected one")]
+    Several(Entity, usize),
+    #[error("both of its ends, the parts {0} and {1}, are particle {2} of a net")]
+    SameParticle(Entity, Entity, u32),
 }
 
 /// The slots of a spring's ends; `None` if an end is a particle that takes no part at present.
 pub(super) fn resolve_spring(
     spring: &Spring,
     particles: &Query<ParticleData, Allow<Disabled>>,
+    parts: &Query<PartOfNet, Allow<Disabled>>,
 ) -> Result<Option<[usize; 2]>, SpringProblem> {
     spring.validate()?;
     let [first, second] = spring.particles;
@@ -120,8 +148,19 @@ pub(super) fn resolve_spring(
     }
     let slot_of = |entity| match particles.get(entity) {
         Ok((.., slot)) => Ok(slot.get()),
-        Err(_) => Err(SpringProblem::MissingParticle(entity)),
+        Err(_) => match parts.get(entity) {
+            Ok((_, part)) if part.particles.len() > 1 => {
+                Err(SpringProblem::Several(entity, part.particles.len()))
+            }
+            Ok((_, part)) => Ok(part.slot.map(|slot| slot as usize)),
+            Err(_) => Err(SpringProblem::MissingParticle(entity)),
+        },
     };
+    let ends = [first, second];
     let (first, second) = (slot_of(first)?, slot_of(second)?);
+    if first.is_some() && first == second {
+        let particle = parts.get(ends[0]).ok().and_then(|(_, part)| part.particles.first().copied());
+        return Err(SpringProblem::SameParticle(ends[0], ends[1], particle.unwrap_or_default()));
+    }
     Ok(first.zip(second).map(|(first, second)| [first, second]))
 }

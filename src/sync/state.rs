@@ -9,12 +9,14 @@ use bevy::prelude::*;
 
 use crate::bend::Bend;
 use crate::collider::PlaneCollider;
+use crate::nets::ParticleNet;
 use crate::particle::Particle;
 use crate::solver::{Pose, State, Version};
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
 use super::bends::BendRegistry;
+use super::nets::NetRegistry;
 use super::registry::{Registry, Slot};
 
 /// What the simulation remembers from tick to tick beside the components: the order of particles and springs, where
@@ -22,8 +24,9 @@ use super::registry::{Registry, Slot};
 ///
 /// Rollback libraries and save games store a clone of it together with the components [`Particle`],
 /// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
-/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`Bend`], [`PlaneCollider`] and
-/// `Transform` (that of parents, too). With all of these put back,
+/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`Bend`],
+/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`PlaneCollider`] and `Transform` (that of parents, too). With
+/// all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
 /// [`Snapshot`](crate::snapshot::Snapshot) does all of that.
@@ -32,6 +35,8 @@ use super::registry::{Registry, Slot};
 pub struct MassSpringState {
     pub(super) particles: Registry,
     pub(super) springs: Registry,
+    /// The nets in the order of spawning.
+    pub(super) nets: NetRegistry,
     pub(super) bends: BendRegistry,
     /// The planes in the order of spawning.
     pub(super) planes: Vec<RegisteredPlane>,
@@ -72,6 +77,7 @@ impl MassSpringState {
     pub(super) fn restart(&mut self) {
         self.particles.reset_slots();
         self.springs.reset_slots();
+        self.nets.reset_slots();
         self.bends.reset_slots();
         self.planes.iter_mut().for_each(|plane| plane.last_pose = None);
         self.solver.clear();
@@ -87,6 +93,7 @@ impl MapEntities for MassSpringState {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
         self.particles.map_entities(mapper);
         self.springs.map_entities(mapper);
+        self.nets.map_entities(mapper);
         self.bends.map_entities(mapper);
         for entity in self
             .planes
@@ -209,7 +216,7 @@ pub(super) fn note_broken(
 }
 
 /// What has a registry.
-type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>)>;
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<ParticleNet>)>;
 
 /// Takes note that the slots depend on what has just happened to `T`: [`Add`], [`Insert`] or [`Remove`].
 pub(super) fn mark_outdated<E: EntityEvent, T: Component>(

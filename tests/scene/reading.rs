@@ -48,6 +48,10 @@ fn the_defaults() {
         gravity_enabled: true,
         viscosity: 0.0,
         viscosity_enabled: true,
+        wind: Vec3::ZERO,
+        air_density: 0.0,
+        air_enabled: true,
+        gusts: None,
     };
     assert_eq!(scene.environment, environment);
     let solver =

@@ -75,20 +75,15 @@ fn a_sheet_that_falls_flat_reaches_its_terminal_speed_in_every_scheme() {
 #[test]
 fn two_schemes_in_one_tick_fall_alike_in_the_wind() {
     let mut solver = sheet(4, 0.2, 20.0, Face { drag: 1.0, lift: 0.0 });
-    let rigid = solver.add_particle(Vec3::Y * 3.0, Vec3::ZERO, 1.0, 0.0).unwrap();
-    for corner in [Vec3::X, Vec3::Z, -Vec3::X - Vec3::Z] {
-        let other = solver.add_particle(Vec3::Y * 3.0 + corner, Vec3::ZERO, 1.0, 0.0).unwrap();
-        let rest_length = corner.length();
-        solver
-            .add_spring([rigid, other], Spring { rest_length, stiffness: 1e9, ..Spring::default() })
-            .unwrap();
+    let rigid = solver.particle_count();
+    for corner in [Vec3::ZERO, Vec3::Z, Vec3::X] {
+        solver.add_particle(Vec3::Y * 3.0 + corner, Vec3::ZERO, 1.0, 0.0).unwrap();
     }
-    let plate = Face { drag: 4.0, lift: 0.0 };
-    for corners in
-        [[rigid, rigid + 1, rigid + 2], [rigid, rigid + 2, rigid + 3], [rigid, rigid + 3, rigid + 1]]
-    {
-        solver.add_face(corners, plate).unwrap();
+    for ends in [[0, 1], [1, 2], [2, 0]].map(|ends| ends.map(|end| rigid + end)) {
+        let rest_length = solver.position(ends[0]).distance(solver.position(ends[1]));
+        solver.add_spring(ends, Spring { rest_length, stiffness: 1e9, ..Spring::default() }).unwrap();
     }
+    solver.add_face([rigid, rigid + 1, rigid + 2], Face { drag: 4.0, lift: 0.0 }).unwrap();
     let wind = Vec3::new(0.0, 5.0, 0.0);
     let settings = StepSettings { substeps: SubstepMode::Auto, wind, ..settings(Integrator::Auto, 1) };
     for _ in 0..900 {
@@ -96,11 +91,11 @@ fn two_schemes_in_one_tick_fall_alike_in_the_wind() {
     }
     assert!(solver.outputs().plan.stiff_substeps > 0, "{:?}", solver.outputs().plan);
     let soft = (2.0 * 0.2 * GRAVITY / AIR).sqrt();
-    let weight = (rigid..rigid + 4).map(|slot| GRAVITY / solver.inverse_mass(slot)).sum::<f32>();
-    let stiff = (2.0 * weight / (AIR * 4.0 * 1.5)).sqrt();
-    assert!(((5.0 - solver.velocity(12).y) / soft - 1.0).abs() < 1e-3, "{}", solver.velocity(12));
-    let mean: f32 = (rigid..rigid + 4).map(|slot| solver.velocity(slot).y).sum::<f32>() / 4.0;
-    assert!(((5.0 - mean) / stiff - 1.0).abs() < 0.01, "{mean} {stiff}");
+    let stiff = (2.0 * 3.0 * GRAVITY / (AIR * 4.0 * 0.5)).sqrt();
+    for (slot, expected) in [(12, soft), (rigid, stiff)] {
+        let speed = 5.0 - solver.velocity(slot).y;
+        assert!((speed / expected - 1.0).abs() < 1e-3, "{speed} of {expected} m/s");
+    }
 }
 
 /// Held against the wind by springs, it stands where these balance ½ ρ C A w², whatever the step: no scheme sees another
@@ -163,7 +158,7 @@ fn a_rope_that_falls_crosswise_reaches_its_terminal_speed() {
             solver.add_particle(Vec3::X * length * link as f32, Vec3::ZERO, own, 0.0).unwrap();
             if link > 0 {
                 let spring =
-                    Spring { rest_length: length, stiffness: 50.0, damping: 0.01, ..Spring::default() };
+                    Spring { rest_length: length, stiffness: 50.0, damping: 0.2, ..Spring::default() };
                 solver.add_spring([link - 1, link], spring).unwrap();
                 solver.add_filament([link - 1, link], filament).unwrap();
             }
@@ -219,7 +214,8 @@ fn air_never_adds_to_the_speed_through_it() {
 /// is never more than what it began with, and what its weight can add.
 #[test]
 fn a_sheet_in_any_air_stays_together() {
-    for (scheme, substeps) in schemes().filter(|(scheme, _)| *scheme != Integrator::ExplicitEuler) {
+    let gains_energy = [Integrator::ExplicitEuler, Integrator::SecondOrderTaylor];
+    for (scheme, substeps) in schemes().filter(|(scheme, _)| !gains_energy.contains(scheme)) {
         for density in [1e-6, 1.225, 1e6] {
             for speed in [0.0, 30.0, 1e4] {
                 let mut solver = sheet(3, 0.2, 200.0, Face { drag: 1.0, lift: 0.5 });
