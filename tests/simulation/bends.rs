@@ -86,7 +86,7 @@ fn position_based_dynamics_bends_a_short_rod_as_the_others_do() {
 }
 
 /// A column of 1 m between two hinges is pressed together by the part `load` of π² EI / L² and nudged sideways by
-/// 10 µm in its middle; how far it has come after 200 steps of h ω = 0.5, as a part of the nudge.
+/// 10 µm in its middle; how far it has come after 600 steps of h ω = 0.5, as a part of the nudge.
 fn buckled(load: f32) -> f64 {
     let links = 40;
     let h = 1.0 / links as f32;
@@ -113,18 +113,19 @@ fn buckled(load: f32) -> f64 {
     }
     let omega = std::f32::consts::PI.powi(2) * (bending / density).sqrt();
     let settings = fixed(Integrator::ImplicitEuler, 1, 0.5 / omega);
-    for _ in 0..200 {
+    for _ in 0..600 {
         solver.step(&settings);
     }
     place(&solver, links / 2).x.abs() / f64::from(nudge)
 }
 
-/// Below the load a deviation dies away; 5 % above it grows by e^0.11 a step until the rod has given way, by
+/// Below the load ω² is 5 % of that without it, and backward Euler takes (1 + 0.05 · 0.5²)^½ off a deviation in each
+/// step: e^-3.7 in all. 5 % above it grows by e^0.11 a step until the rod has given way, by
 /// 2/π √(0.05 · 10⁻³) m = 4.5 mm.
 #[test]
 fn a_column_stands_below_eulers_load_and_buckles_above_it() {
     let (below, above) = (buckled(0.95), buckled(1.05));
-    assert!(below < 0.1, "{below}");
+    assert!(below < 0.03, "{below}");
     assert!((300.0..500.0).contains(&above), "{above}");
 }
 
@@ -211,6 +212,10 @@ fn an_arc_keeps_the_shape_that_it_has_at_rest_in_every_scheme() {
     };
     for integrator in Integrator::named() {
         let mut solver = build(0.1);
+        if solver.frequency_bounds(0.0).largest_stable_step(integrator) < 1.0 / (16.0 * 64.0) {
+            assert!([Integrator::ExplicitEuler, Integrator::SecondOrderTaylor].contains(&integrator));
+            continue;
+        }
         for _ in 0..20 {
             solver.step(&fixed(integrator, 16, 1.0 / 64.0));
         }

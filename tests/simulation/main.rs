@@ -5,6 +5,7 @@
 
 mod air;
 mod ambiguity;
+mod bend_entities;
 mod bends;
 mod breaking;
 mod cables;
