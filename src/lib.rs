@@ -84,8 +84,9 @@ pub mod prelude {
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
     pub use crate::nets::{
-        Balloon, BalloonMaterial, Cloth, ClothMaterial, Corner, Jelly, JellyMaterial, ParticleNet, Rope,
-        RopeMaterial, Side,
+        Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
+        Corner, Jelly, JellyMaterial, JellyShape, Part, PartOf, ParticleNet, Parts, Rope, RopeMaterial, Side,
+        Winch,
     };
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
