@@ -100,7 +100,7 @@ const TIED: &str = "(
     springs: [
         (particles: (0, 3), stiffness: 10),
         (particles: (3, 4), stiffness: 10),
-        (particles: (1, 3), stiffness: 10, rest_length: 0.5, breaking_force: Some(7)),
+        (particles: (1, 3), stiffness: 10, rest_length: 0.5, breaking_force: Some(70)),
     ],
     bends: [(particles: (2, 3, 0), stiffness: 2)],
     nets: [
@@ -132,7 +132,7 @@ fn nets_are_complete_when_they_are_spawned_and_springs_end_in_parts_of_them() {
 
     let springs: Vec<Spring> = spawned.springs.iter().map(|spring| *world.get(*spring).unwrap()).collect();
     assert_eq!(springs.iter().map(|spring| spring.rest_length).collect::<Vec<_>>(), [5.0, 3.0, 0.5]);
-    assert_eq!(springs[2].breaking_force, Some(7.0));
+    assert_eq!(springs[2].breaking_force, Some(70.0));
     let [_, end] = springs[0].particles;
     assert_eq!((world.get::<Part>(end), world.get(end)), (Some(&Part::Particle(2)), Some(&PartOf(rope))));
     // A particle has one part, however many springs end there.
@@ -150,7 +150,7 @@ fn nets_are_complete_when_they_are_spawned_and_springs_end_in_parts_of_them() {
     // All of it leaves with the scene.
     let root = app.world_mut().spawn(spawned).id();
     app.world_mut().despawn(root);
-    let left = app.world_mut().query_filtered::<(), Or<(With<ParticleNet>, With<Part>, With<Spring>)>>();
+    let mut left = app.world_mut().query_filtered::<(), Or<(With<ParticleNet>, With<Part>, With<Spring>)>>();
     assert_eq!(left.iter(app.world()).count(), 0);
 }
 
