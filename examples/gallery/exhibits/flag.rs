@@ -34,7 +34,7 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
         Cloth::sheet(Rectangle::new(1.8, 1.2)).with_spacing(0.045).with_material(ClothMaterial::COTTON);
     stage.spawn((
         flag,
-        NetMesh::default(),
+        NetMesh,
         paint,
         Transform::from_xyz(0.9, 2.9, 0.0),
         related!(Parts[(Part::Edge(Side::Left), Pinned)]),
