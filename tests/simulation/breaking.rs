@@ -106,12 +106,9 @@ fn a_break_keeps_momentum_and_adds_no_energy() {
                 let slack = 2e-3 * start.kinetic_energy;
                 assert!(sum < energy + slack, "{integrator}: {energy} J to {sum} J");
                 energy = energy.min(sum);
-                // What Newton's method leaves undone turns a rope a little.
-                if matches!(integrator, Integrator::ImplicitEuler | Integrator::TrBdf2 | Integrator::Auto) {
-                    continue;
-                }
                 let change = (turning_now - turning).length();
-                assert!(change < 2e-3 * turning.length(), "{integrator}: angular momentum {change}");
+                // 3840 substeps, each of which rounds positions of up to 15 m by a part in 2^24, of momenta up to 0.8 N·s.
+                assert!(change < 3840.0 * 15.0 * 6e-8 * 0.8, "{integrator}: angular momentum {change}");
             }
         }
         assert!((1..=LINKS).contains(&count), "{integrator}: {count} broke");
