@@ -98,7 +98,7 @@ fn a_tick_allocates_no_more_than_an_empty_app() {
     assert_eq!(allocations(true), allocations(false));
 }
 
-/// A cloth that hangs from a pinned side which moves, is pushed at a corner, and lies on a ball.
+/// A cloth that hangs from a pinned side which moves, and is pushed at a corner.
 #[test]
 fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
     let allocations = |populated: bool| {
@@ -109,6 +109,15 @@ fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
             let mut topology = cloth.topology().expect("it is sound");
             // Its particles touch nothing: contacts are remembered in arrays of their own, whose sizes vary.
             topology.radius = 0.0;
+            topology.hinges.clear();
+            topology
+                .springs
+                .iter_mut()
+                .for_each(|(_, spring)| (spring.stiffness, spring.damping) = (50.0, 0.05));
+            app.insert_resource(SolverSettings {
+                integrator: Integrator::SemiImplicitEuler,
+                substeps: SubstepMode::Fixed(8),
+            });
             let net = ParticleNet::new(topology.into(), &Transform::IDENTITY);
             let net = app.world_mut().spawn(net).id();
             side = Some(app.world_mut().spawn((PartOf(net), Part::Edge(Side::Top), Pinned)).id());

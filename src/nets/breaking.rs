@@ -77,6 +77,15 @@ impl ParticleNet {
         self.breaking
     }
 
+    /// A spring has another plastic strain by now.
+    pub(crate) fn yield_spring(&mut self, spring: u32, strain: f32) {
+        if let Some((_, spring)) = Arc::make_mut(&mut self.topology).springs.get_mut(spring as usize)
+            && let Some(plasticity) = &mut spring.plasticity
+        {
+            plasticity.strain = strain;
+        }
+    }
+
     /// Comes apart where springs broke.
     pub(crate) fn come_apart(&mut self, ruptures: &[Rupture]) -> Damage {
         let topology = Arc::make_mut(&mut self.topology);

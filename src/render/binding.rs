@@ -6,6 +6,7 @@ use bevy::mesh::{Indices, MeshAccessError, PrimitiveTopology, VertexAttributeVal
 use bevy::prelude::*;
 use thiserror::Error;
 
+use super::fine;
 use super::surface::{Points, Surface};
 use super::tangents::{Rest, Tangents};
 use crate::nets::{MeshBinding, Topology};
@@ -37,6 +38,9 @@ pub enum NetMeshError {
         /// Its number in the topology of the net.
         triangle: usize,
     },
+    /// A net without triangles moves no skin.
+    #[error("its net has no surface")]
+    NoSurface,
     /// A vertex hangs on a particle that does not exist.
     #[error("vertex {vertex} of its mesh hangs on a particle that the net does not have")]
     Particle {
@@ -68,7 +72,7 @@ pub(super) struct Binding {
 }
 
 #[derive(Debug, Clone, Default)]
-struct RestAttributes {
+pub(super) struct RestAttributes {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     tangents: Vec<[f32; 4]>,
@@ -106,7 +110,7 @@ pub(super) fn bind(mesh: &mut Mesh, topology: &Topology) -> Result<(Surface, Opt
     let particle_of: Vec<u32> = match &topology.binding {
         Some(MeshBinding::Welded(map)) if map.len() == vertices => map.clone(),
         Some(MeshBinding::Skinned(means)) if means.len() == vertices => {
-            return bind_means(mesh, triangles, means, particles).map(|surface| (surface, None));
+            return fine::bind_means(mesh, triangles, means, particles).map(|surface| (surface, None));
         }
         None if vertices == particles => (0..vertices as u32).collect(),
         Some(MeshBinding::Welded(map)) => {
@@ -126,7 +130,7 @@ pub(super) fn bind(mesh: &mut Mesh, topology: &Topology) -> Result<(Surface, Opt
 }
 
 /// The normals of a mesh at rest, by its own triangles.
-fn rest_normals(mesh: &Mesh, triangles: &[[u32; 3]]) -> Result<Vec<[f32; 3]>, NetMeshError> {
+pub(super) fn rest_normals(mesh: &Mesh, triangles: &[[u32; 3]]) -> Result<Vec<[f32; 3]>, NetMeshError> {
     let places: Vec<_> =
         positions_of(mesh)?.iter().map(|place| bevy::math::Vec3A::from_array(*place)).collect();
     let mut normals = Vec::new();
@@ -181,17 +185,16 @@ impl Binding {
         }
         append_copies(mesh, &self.origin[known..])?;
         mesh.try_insert_indices(indices(&self.corners, self.origin.len()))?;
-        let tangents = self.rest.as_ref().map(|rest| {
-            let rest = rest.of_copies(&self.origin);
-            let mesh = Rest { positions: &rest.positions, normals: &rest.normals, tangents: &rest.tangents };
-            Tangents::new(&self.corners, &self.particle_of, mesh)
-        });
+        let tangents = self
+            .rest
+            .as_ref()
+            .map(|rest| rest.of_copies(&self.origin).tangents(&self.corners, &self.particle_of));
         Ok(Surface { points: Points::Particles, triangles, point_of: self.particle_of.clone(), tangents })
     }
 }
 
 impl RestAttributes {
-    fn of(mesh: &Mesh) -> Result<Option<Self>, NetMeshError> {
+    pub fn of(mesh: &Mesh) -> Result<Option<Self>, NetMeshError> {
         let Some(VertexAttributeValues::Float32x4(tangents)) =
             mesh.try_attribute_option(Mesh::ATTRIBUTE_TANGENT)?
         else {
@@ -203,6 +206,12 @@ impl RestAttributes {
             normals: normals.to_vec(),
             tangents: tangents.clone(),
         }))
+    }
+
+    /// How the tangents of this mesh follow points.
+    pub fn tangents(&self, corners: &[[u32; 3]], point_of: &[u32]) -> Tangents {
+        let Self { positions, normals, tangents } = self;
+        Tangents::new(corners, point_of, Rest { positions, normals, tangents })
     }
 
     fn of_copies(&self, origin: &[u32]) -> Self {
@@ -252,42 +261,6 @@ fn match_triangles(
         corners.ok_or(NetMeshError::Triangle { triangle })
     };
     wanted.iter().enumerate().map(find).collect()
-}
-
-/// Binds a fine mesh to a coarse net. Vertices in the same place with the same normal at rest are one point, so that
-/// the creases of the artist stay, and the seams of the texture show none.
-fn bind_means(
-    mesh: &Mesh,
-    corners: Vec<[u32; 3]>,
-    means: &[([u32; 4], [f32; 3])],
-    particles: usize,
-) -> Result<Surface, NetMeshError> {
-    let is_missing = |(ends, _): &([u32; 4], _)| ends.iter().any(|particle| *particle as usize >= particles);
-    if let Some(vertex) = means.iter().position(is_missing) {
-        return Err(NetMeshError::Particle { vertex });
-    }
-    let positions = positions_of(mesh)?;
-    let normals = mesh.try_attribute(Mesh::ATTRIBUTE_NORMAL)?.as_float3().unwrap_or(&[]);
-    // Adding zero makes -0 and 0 the same.
-    let bits = |vector: [f32; 3]| vector.map(|value| (value + 0.0).to_bits());
-    let mut places: BTreeMap<[u32; 3], usize> = BTreeMap::new();
-    let mut known: BTreeMap<[[u32; 3]; 2], u32> = BTreeMap::new();
-    let mut points = Vec::new();
-    let mut point_of = Vec::with_capacity(positions.len());
-    for (vertex, (place, normal)) in positions.iter().zip(normals).enumerate() {
-        let first = *places.entry(bits(*place)).or_insert(vertex);
-        point_of.push(*known.entry([bits(*place), bits(*normal)]).or_insert_with(|| {
-            let (ends, [a, b, c]) = means[first];
-            points.push((ends, [a, b, c, 1.0 - a - b - c]));
-            points.len() as u32 - 1
-        }));
-    }
-    let triangles = corners.iter().map(|corners| corners.map(|corner| point_of[corner as usize])).collect();
-    let tangents = RestAttributes::of(mesh)?.map(|rest| {
-        let rest = Rest { positions: &rest.positions, normals: &rest.normals, tangents: &rest.tangents };
-        Tangents::new(&corners, &point_of, rest)
-    });
-    Ok(Surface { points: Points::Means(points), triangles, point_of, tangents })
 }
 
 /// Indices of triangles among so many vertices.

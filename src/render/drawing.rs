@@ -100,6 +100,18 @@ impl Drawing {
         (self.bounds, self.bounded, self.drawn) = (None, None, None);
     }
 
+    /// Goes on with a net that tore, where what is drawn hangs on the particles that it had before. `false`: it is
+    /// another net.
+    pub fn keep(&mut self, topology: &Arc<Topology>) -> bool {
+        let old = self.topology.positions.as_slice();
+        let has_torn = topology.positions.get(..old.len()) == Some(old);
+        if has_torn {
+            self.topology = topology.clone();
+            self.reset();
+        }
+        has_torn
+    }
+
     /// The box around all vertices in the space of the entity.
     fn enclose(&mut self, view: &NetView, version: NetVersion, place: &GlobalTransform) -> Option<Aabb> {
         let shape = self.shape.as_ref()?;
@@ -111,7 +123,7 @@ impl Drawing {
         self.bounds = Some((version, world));
         let [low, high] = world;
         let (overhang, radius) = match shape {
-            Shape::Surface { surface, .. } => (Vec3A::splat(surface.overhang()) * (high - low), 0.0),
+            Shape::Surface { surface, .. } => (surface.overhang() * (high - low), surface.height()),
             Shape::Tube(tube) => (Vec3A::splat(tube.overhang(view)), tube.radius()),
         };
         // Easing, the way into the space of the entity and the vertices themselves round some ten times.
@@ -131,7 +143,9 @@ impl Drawing {
         let (Some(shape), Some(frame)) = (&self.shape, Frame::new(place)) else { return };
         frame.place(view, &mut self.scratch.places);
         match shape {
-            Shape::Surface { surface, .. } => surface.write(&mut self.scratch, &mut self.vertices),
+            Shape::Surface { surface, .. } => {
+                surface.write(frame.scale(), &mut self.scratch, &mut self.vertices)
+            }
             Shape::Tube(tube) => tube.write(&frame, &mut self.scratch, &mut self.vertices),
         }
         self.is_pending = true;

@@ -5,6 +5,8 @@
 //! | [`NetMesh`] | the mesh of its entity, moved by the net; or one made of the triangles of the net |
 //! | [`RopeMesh`] | a tube with rounded ends around a rope |
 //! | [`RopeRibbon`] | a rope as a flat ribbon |
+//! | [`RopeLinks`] | a copy of an entity for each link of a rope |
+//! | [`NetSkin`] | a fine mesh, on an entity of its own, that the surface of a coarse net moves |
 //!
 //! They read components only. Between ticks they show the way from the last tick but one to the last, as Bevy's fixed
 //! time steps have it, where [`MassSpringInterpolationPlugin`](crate::MassSpringInterpolationPlugin) acts (feature
@@ -14,11 +16,14 @@
 mod binding;
 mod drawing;
 pub(crate) mod easing;
+mod fine;
 mod frame;
 mod generated;
+mod links;
 mod net_mesh;
 mod own_mesh;
 mod rope_mesh;
+mod skin;
 mod strands;
 mod surface;
 mod tangents;
@@ -29,8 +34,10 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
 
 pub use binding::NetMeshError;
+pub use links::{RopeLink, RopeLinks};
 pub use net_mesh::{NetMesh, RestMesh};
 pub use rope_mesh::{RopeMesh, RopeMeshError, RopeRibbon};
+pub use skin::NetSkin;
 
 use drawing::Drawing;
 
@@ -53,7 +60,7 @@ pub enum NetRenderSystems {
 
 impl Plugin for MassSpringRenderPlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<(NetMesh, RestMesh, RopeMesh, RopeRibbon)>()
+        app.register_type::<(NetMesh, NetSkin, RestMesh, RopeLink, RopeLinks, RopeMesh, RopeRibbon)>()
             .configure_sets(
                 PostUpdate,
                 (
@@ -69,10 +76,11 @@ impl Plugin for MassSpringRenderPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (net_mesh::prepare_net_meshes, rope_mesh::prepare_ropes)
+                    (net_mesh::prepare_net_meshes, rope_mesh::prepare_ropes, skin::prepare_skins)
                         .chain()
                         .in_set(NetRenderSystems::Prepare)
                         .run_if(resource_exists::<Assets<Mesh>>),
+                    (links::prepare_links, links::place_links).chain().in_set(NetRenderSystems::Prepare),
                     drawing::bound_nets.in_set(NetRenderSystems::Bound),
                 ),
             )
@@ -81,6 +89,8 @@ impl Plugin for MassSpringRenderPlugin {
                 drawing::draw_nets.in_set(NetRenderSystems::Draw).run_if(resource_exists::<Assets<Mesh>>),
             )
             .add_observer(stop_drawing::<NetMesh>)
+            .add_observer(stop_drawing::<NetSkin>)
+            .add_observer(links::stop_links)
             .add_observer(stop_drawing::<RopeMesh>)
             .add_observer(stop_drawing::<RopeRibbon>)
             .add_observer(stop_drawing::<crate::nets::ParticleNet>);

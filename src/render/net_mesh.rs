@@ -130,10 +130,7 @@ fn tear(drawing: &mut Drawing, topology: &Arc<Topology>, meshes: &mut Assets<Mes
         return false;
     }
     let Some(binding) = binding else {
-        // A fine mesh hangs on the same particles as before.
-        drawing.topology = topology.clone();
-        drawing.reset();
-        return true;
+        return drawing.keep(topology);
     };
     let Some(mut mesh) = meshes.get_mut(&drawing.mesh) else { return false };
     let Ok(torn) = binding.follow(&mut mesh, topology) else { return false };

@@ -41,6 +41,18 @@ pub(super) enum Points {
     Particles,
     /// Means of four particles by weights that add up to 1.
     Means(Vec<([u32; 4], [f32; 4])>),
+    /// Points over a coarse surface.
+    Raised(Raised),
+}
+
+/// Points over the triangles of a coarse surface.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Raised {
+    /// The triangles of the coarse surface, by particle.
+    pub base: Vec<[u32; 3]>,
+    /// The corners of the triangle under each point, its weights, which add up to 1 and are not negative, and its
+    /// height over the triangle along the normals of the particles, m.
+    pub points: Vec<([u32; 3], [f32; 3], f32)>,
 }
 
 /// A surface of triangles.
@@ -61,6 +73,7 @@ impl Surface {
         match &self.points {
             Points::Particles => end(self.triangles.iter().flatten().chain(&self.point_of).copied().max()),
             Points::Means(means) => end(means.iter().flat_map(|(particles, _)| *particles).max()),
+            Points::Raised(raised) => end(raised.base.iter().flatten().copied().max()),
         }
     }
 
@@ -74,14 +87,24 @@ impl Surface {
         means.iter().map(|(_, weights)| negative(weights)).fold(0.0, f32::max)
     }
 
-    /// Computes the vertices from `scratch.places`.
-    pub fn write(&self, scratch: &mut Scratch, vertices: &mut Vertices) {
+    /// How far a point can lie outside of the box around the particles, m.
+    pub fn height(&self) -> f32 {
+        let Points::Raised(raised) = &self.points else { return 0.0 };
+        raised.points.iter().map(|(_, _, height)| height.abs()).fold(0.0, f32::max)
+    }
+
+    /// Computes the vertices from `scratch.places`. A metre of the world is `scale` long there.
+    pub fn write(&self, scale: f32, scratch: &mut Scratch, vertices: &mut Vertices) {
         let Scratch { places, points, normals, .. } = scratch;
         let points: &[Vec3A] = match &self.points {
             Points::Particles => places,
             Points::Means(means) => {
                 points.clear();
                 points.extend(means.iter().map(|(particles, weights)| mean(places, *particles, *weights)));
+                points
+            }
+            Points::Raised(raised) => {
+                raised.write(scale, places, normals, points);
                 points
             }
         };
@@ -96,6 +119,22 @@ impl Surface {
         if let Some(tangents) = &self.tangents {
             tangents.write(points, normals, &self.point_of, &mut vertices.tangents);
         }
+    }
+}
+
+impl Raised {
+    fn write(&self, scale: f32, places: &[Vec3A], normals: &mut Vec<Vec3A>, points: &mut Vec<Vec3A>) {
+        sum_area_normals(places, &self.base, normals);
+        for normal in normals.iter_mut() {
+            *normal = normal.normalize_or_zero();
+        }
+        points.clear();
+        points.extend(self.points.iter().map(|(corners, [wa, wb, wc], height)| {
+            let [a, b, c] = corners.map(|corner| corner as usize);
+            let normal = normals[a] * *wa + normals[b] * *wb + normals[c] * *wc;
+            let foot = places[a] * *wa + places[b] * *wb + places[c] * *wc;
+            foot + normal.normalize_or_zero() * (height * scale)
+        }));
     }
 }
 
@@ -137,7 +176,7 @@ mod tests {
         let mut scratch = Scratch::default();
         scratch.places = vec![Vec3A::ONE, Vec3A::ZERO, Vec3A::ONE, Vec3A::ZERO];
         let mut vertices = Vertices::default();
-        surface.write(&mut scratch, &mut vertices);
+        surface.write(1.0, &mut scratch, &mut vertices);
         assert_eq!(vertices.positions, [[1.75; 3]]);
         assert_eq!(surface.particle_count(), 4);
     }

@@ -282,7 +282,7 @@ fn close(normals: &mut [Vec3A], axes: &[Vec3A]) {
 }
 
 /// The next normal by double reflection: at the plane between the two centres, then at the one that takes the axis on.
-fn transport(normal: Vec3A, before: Vec3A, here: Vec3A, step: Vec3A) -> Vec3A {
+pub(super) fn transport(normal: Vec3A, before: Vec3A, here: Vec3A, step: Vec3A) -> Vec3A {
     let square = step.length_squared();
     let (reflected, axis) = match square > 0.0 {
         true => {
@@ -300,7 +300,7 @@ fn transport(normal: Vec3A, before: Vec3A, here: Vec3A, step: Vec3A) -> Vec3A {
     orthonormal(turned, here)
 }
 
-fn orthonormal(normal: Vec3A, axis: Vec3A) -> Vec3A {
+pub(super) fn orthonormal(normal: Vec3A, axis: Vec3A) -> Vec3A {
     (normal - axis * axis.dot(normal)).try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector())
 }
 

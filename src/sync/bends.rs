@@ -7,13 +7,13 @@ use bevy::prelude::*;
 
 use crate::bend::Bend;
 use crate::parameter::InvalidParameter;
-use crate::particle::Particle;
 use crate::settings::OrphanedSprings;
 use crate::solver;
 
 use super::Simulation;
 use super::registry::{Registry, Slot};
-use super::slots::{Assignment, Candidates, ParticleData};
+use super::slots::{Assignment, Candidates, PartOfNet, ParticleData};
+use super::springs::{EndProblem, slot_of_end};
 use super::state::{MassSpringState, Registered, Warnings};
 
 /// The bends in the order of spawning. Their slots are the numbers of rods in the solver, among which those of nets
@@ -58,10 +58,12 @@ pub(super) type EditedBends<'w, 's> = Query<'w, 's, (Entity, Ref<'static, Bend>,
 enum BendProblem {
     #[error(transparent)]
     Parameter(#[from] InvalidParameter),
-    #[error("its end {0} is not a particle")]
-    MissingParticle(Entity),
+    #[error(transparent)]
+    End(#[from] EndProblem),
     #[error("two of its ends are {0}")]
     Loop(Entity),
+    #[error("two of its ends, one of them {0}, are the same particle of a net")]
+    SameParticle(Entity),
 }
 
 fn parameters(bend: &Bend) -> solver::Bend<3> {
@@ -91,7 +93,7 @@ pub(super) fn copy_edited_bends(
     simulation: &Simulation,
     warnings: &mut Warnings,
     bends: &EditedBends,
-    particles: &Query<&Slot<Particle>>,
+    slot_of: impl Fn(Entity) -> Option<usize>,
     relinked: &mut Vec<Entity>,
 ) -> bool {
     let mut retry = false;
@@ -99,8 +101,7 @@ pub(super) fn copy_edited_bends(
         return retry;
     }
     for (entity, bend, slot) in bends.iter().filter(|(_, bend, _)| bend.is_changed()) {
-        let slot_of = |particle| particles.get(particle).ok().and_then(Slot::get);
-        let copied = slot.get().map(|slot| copy_bend(&bend, slot, slot_of, &mut state.solver));
+        let copied = slot.get().map(|slot| copy_bend(&bend, slot, &slot_of, &mut state.solver));
         match copied {
             Some(true) => warnings.clear(entity),
             Some(false) => relinked.push(entity),
@@ -115,6 +116,7 @@ pub(super) fn copy_edited_bends(
 fn resolve(
     bend: &Bend,
     particles: &Query<ParticleData, Allow<Disabled>>,
+    parts: &Query<PartOfNet, Allow<Disabled>>,
 ) -> Result<Option<[usize; 3]>, BendProblem> {
     bend.validate()?;
     let mut slots = [None; 3];
@@ -122,8 +124,11 @@ fn resolve(
         if bend.particles[..index].contains(&end) {
             return Err(BendProblem::Loop(end));
         }
-        let (.., slot) = particles.get(end).map_err(|_| BendProblem::MissingParticle(end))?;
-        slots[index] = slot.get();
+        let slot = slot_of_end(end, particles, parts)?;
+        if slot.is_some() && slots[..index].contains(&slot) {
+            return Err(BendProblem::SameParticle(end));
+        }
+        slots[index] = slot;
     }
     let [first, middle, last] = slots;
     Ok(first.zip(middle).zip(last).map(|((first, middle), last)| [first, middle, last]))
@@ -190,7 +195,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Gives a bend a slot, or leaves it pending.
     fn add_bend(&mut self, entity: Entity) {
-        let Candidates { particles, bends, .. } = &mut self.candidates;
+        let Candidates { particles, parts, bends, .. } = &mut self.candidates;
         let Ok((bend, is_disabled, mut slot)) = bends.get_mut(entity) else { return };
         if slot.get().is_some() {
             return;
@@ -201,7 +206,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             bookkeeping.commands.entity(entity).try_despawn();
             return;
         }
-        let resolved = if is_disabled { Ok(None) } else { resolve(bend, particles) };
+        let resolved = if is_disabled { Ok(None) } else { resolve(bend, particles, parts) };
         if let Err(problem) = resolved {
             let message = format_args!("bend {entity} is left out of the simulation: {problem}");
             bookkeeping.warnings.warn_once(entity, message);
@@ -254,11 +259,11 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Copies the parameters of all bends in the simulation; those with other ends are pending from now on.
     pub fn copy_all_bends(&mut self) {
-        let Candidates { particles, bends, .. } = &self.candidates;
+        let Candidates { particles, parts, bends, .. } = &self.candidates;
         let mut relinked = Vec::new();
         for &entity in self.state.bends.all.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
             let Ok((bend, _, slot)) = bends.get(entity) else { continue };
-            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
+            let slot_of = |end| slot_of_end(end, particles, parts).ok().flatten();
             if slot.get().is_some_and(|slot| !copy_bend(bend, slot, slot_of, &mut self.state.solver)) {
                 relinked.push(entity);
             }

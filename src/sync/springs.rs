@@ -91,9 +91,9 @@ pub(super) fn copy_edited_springs(
             edits.retry |= copied != Some(true);
         }
     }
-    let SpringQueries { bends, particles, .. } = queries;
+    let slot_of = |end| queries.slot_of(end);
     edits.retry |=
-        copy_edited_bends(state, simulation, warnings, bends, particles, &mut edits.relinked_bends);
+        copy_edited_bends(state, simulation, warnings, &queries.bends, slot_of, &mut edits.relinked_bends);
     edits
 }
 
@@ -125,14 +125,37 @@ pub(super) fn parameters(spring: &Spring) -> solver::Spring {
 pub(super) enum SpringProblem {
     #[error(transparent)]
     Parameter(#[from] InvalidParameter),
-    #[error("its end {0} is not a particle")]
-    MissingParticle(Entity),
+    #[error(transparent)]
+    End(#[from] EndProblem),
     #[error("both of its ends are {0}")]
     Loop(Entity),
-    #[error("its end {0} is a part of {1} particles, expected one")]
-    Several(Entity, usize),
     #[error("both of its ends, the parts {0} and {1}, are particle {2} of a net")]
     SameParticle(Entity, Entity, u32),
+}
+
+/// What can be wrong with an end of a spring or bend.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum EndProblem {
+    #[error("its end {0} is not a particle")]
+    MissingParticle(Entity),
+    #[error("its end {0} is a part of {1} particles, expected one")]
+    Several(Entity, usize),
+}
+
+/// The slot of an end: a particle, or a part of one. `None` if it takes no part at present.
+pub(super) fn slot_of_end(
+    entity: Entity,
+    particles: &Query<ParticleData, Allow<Disabled>>,
+    parts: &Query<PartOfNet, Allow<Disabled>>,
+) -> Result<Option<usize>, EndProblem> {
+    if let Ok((.., slot)) = particles.get(entity) {
+        return Ok(slot.get());
+    }
+    match parts.get(entity) {
+        Ok((_, part)) if part.particles.len() > 1 => Err(EndProblem::Several(entity, part.particles.len())),
+        Ok((_, part)) => Ok(part.slot.map(|slot| slot as usize)),
+        Err(_) => Err(EndProblem::MissingParticle(entity)),
+    }
 }
 
 /// The slots of a spring's ends; `None` if an end is a particle that takes no part at present.
@@ -146,16 +169,7 @@ pub(super) fn resolve_spring(
     if first == second {
         return Err(SpringProblem::Loop(first));
     }
-    let slot_of = |entity| match particles.get(entity) {
-        Ok((.., slot)) => Ok(slot.get()),
-        Err(_) => match parts.get(entity) {
-            Ok((_, part)) if part.particles.len() > 1 => {
-                Err(SpringProblem::Several(entity, part.particles.len()))
-            }
-            Ok((_, part)) => Ok(part.slot.map(|slot| slot as usize)),
-            Err(_) => Err(SpringProblem::MissingParticle(entity)),
-        },
-    };
+    let slot_of = |entity| slot_of_end(entity, particles, parts);
     let ends = [first, second];
     let (first, second) = (slot_of(first)?, slot_of(second)?);
     if first.is_some() && first == second {

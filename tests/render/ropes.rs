@@ -8,6 +8,7 @@ use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 use bevy_mass_spring::nets::{Layout, Topology};
 use bevy_mass_spring::prelude::*;
+use bevy_mass_spring::render::RopeLink;
 use bevy_mass_spring::solver;
 
 use crate::scene::{
@@ -191,4 +192,45 @@ fn what_cannot_be_drawn_is_not() {
     app.update();
     assert!(app.world().entity(entity).contains::<Mesh3d>());
     assert_enclosed(&app, entity);
+}
+
+#[test]
+fn links_are_copies_that_lie_along_the_rope() {
+    let mut app = app();
+    let template =
+        (Transform::from_scale(Vec3::splat(2.0)), Visibility::Hidden, children![Name::new("part")]);
+    let template = app.world_mut().spawn(template).id();
+    let place = Transform::from_xyz(0.0, 1.0, 0.0).with_rotation(Quat::from_rotation_z(1.0));
+    let whole = rope(6);
+    let entity = app.world_mut().spawn((net(whole.clone()), RopeLinks::new(template), place)).id();
+    move_particles(&mut app, entity, crumple(4));
+    app.update();
+    let links = |app: &mut App| -> Vec<(Entity, RopeLink, GlobalTransform)> {
+        let mut query = app.world_mut().query::<(Entity, &RopeLink, &GlobalTransform)>();
+        query.iter(app.world()).map(|(entity, link, place)| (entity, *link, *place)).collect()
+    };
+    let before = links(&mut app);
+    assert_eq!(before.len(), 6);
+    let particles = app.world().get::<ParticleNet>(entity).unwrap().positions().to_vec();
+    for (link, RopeLink { particles: ends }, place) in &before {
+        let [from, to] = ends.map(|end| particles[end as usize]);
+        assert!(place.translation().distance(0.5 * (from + to)) < 1e-6);
+        assert!((place.rotation() * Vec3::Y).distance((to - from).normalize()) < 1e-5);
+        assert!(place.scale().distance(Vec3::splat(2.0)) < 1e-5);
+        let link = app.world().entity(*link);
+        assert_eq!(link.get::<Visibility>(), Some(&Visibility::Inherited));
+        assert_eq!(link.get::<Children>().unwrap().len(), 1);
+    }
+    let mut torn = whole;
+    torn.springs.remove(2);
+    app.world_mut().entity_mut(entity).insert(net(torn));
+    app.update();
+    let after = links(&mut app);
+    assert_eq!(after.len(), 5);
+    for (link, ends, _) in &after {
+        assert!(before.iter().any(|(old, was, _)| old == link && was == ends), "links that hold are kept");
+    }
+    app.world_mut().entity_mut(entity).remove::<RopeLinks>();
+    app.update();
+    assert_eq!(links(&mut app).len(), 0);
 }

@@ -240,3 +240,30 @@ fn in_two_dimensions_it_is_a_mesh_2d() {
     app.update();
     assert!(app.world().entity(flat).contains::<Mesh2d>());
 }
+
+/// A wavy mesh of 441 vertices over a flat net of 9 that rolls up: rigid motions of the net are those of its skin.
+#[test]
+fn a_skin_keeps_its_place_over_a_net() {
+    let mut app = app();
+    let sheet = sheet([2, 2]);
+    let cloth = app.world_mut().spawn(net(sheet)).id();
+    let fine = Plane3d::new(Vec3::Z, Vec2::splat(0.1)).mesh().subdivisions(19).build();
+    let raise = |place: Vec3| place.with_z(0.02 * ops::sin(40.0 * place.x)) + Vec3::new(0.1, -0.1, 0.0);
+    let raised: Vec<Vec3> = positions(&fine).into_iter().map(raise).collect();
+    let fine = fine.with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, raised.clone());
+    let handle = app.world_mut().resource_mut::<Assets<Mesh>>().add(fine);
+    let place = Transform::from_xyz(0.0, 0.3, 0.0);
+    let skin = app.world_mut().spawn((NetSkin(cloth), Mesh3d(handle), place)).id();
+    let turn = Transform::from_xyz(0.3, 0.2, 0.1).with_rotation(Quat::from_rotation_x(0.8));
+    move_particles(&mut app, cloth, |_, place| turn.transform_point(place));
+    app.update();
+    for (drawn, rest) in positions(mesh(&app, skin)).iter().zip(&raised) {
+        let drawn = place.transform_point(*drawn);
+        assert!(drawn.distance(turn.transform_point(*rest)) < 1e-6);
+    }
+    for seed in 0..10 {
+        move_particles(&mut app, cloth, crumple(seed));
+        app.update();
+        assert_enclosed(&app, skin);
+    }
+}

@@ -205,10 +205,11 @@ impl Assignment<'_, '_, '_, '_, '_> {
         let mut particles: Vec<(Vec3, Vec3, f32)> = Vec::with_capacity(net.len());
         let arrays = net.positions().iter().zip(net.velocities()).zip(&topology.masses);
         for (particle, ((position, velocity), mass)) in arrays.enumerate() {
-            let position = match past.filter(|_| particle < known) {
-                Some((old, past)) => past.positions.get(old.slot(particle)),
-                None => *position - state.solver.origin,
-            };
+            let last = past.filter(|_| particle < known);
+            let last = last.map(|(old, past)| past.positions.get(old.slot(particle)));
+            // Empty places are still computed, with a force of zero: what was taken out must be finite, too.
+            let last = last.filter(|last| last.is_finite());
+            let position = last.unwrap_or(*position - state.solver.origin);
             particles.push((position, *velocity, 1.0 / mass));
         }
         let held = net.pinned().iter().chain(&net.part_actions().held);
