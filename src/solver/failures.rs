@@ -7,7 +7,8 @@
 //! Of springs that hang together only the one that is most overloaded breaks in a substep, and those that carry twice
 //! what they can: the break unloads the others. In a rope under tension all links carry nearly the same, and without
 //! more it would fall to pieces, one in each substep. So in ropes and trees nothing else breaks (but what carries twice
-//! its force) until the release has had the time to travel through all of it: √(m/k) for each of its elements.
+//! its force) until the release has had the time to travel through all of it: √(m/k) for each of its elements. Springs
+//! of surfaces that are torn after the tick are only reported, and one in each tick.
 //!
 //! The tension of what an implicit scheme advances is that of the solved equations at the end of its step; that of
 //! others follows from the positions, whose rounding times the stiffness it may err by.
@@ -35,8 +36,10 @@ pub(super) struct Failures {
     /// The springs that have yielded, with their plastic strain.
     pub yielded: Vec<(u32, f32)>,
     overloaded: Vec<Overload>,
-    /// The islands through which a release travels.
+    /// The islands through which a release travels, and those of which a spring that tears was reported in this tick.
     waiting: Vec<u32>,
+    /// The springs that were.
+    reported: Vec<u32>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -70,6 +73,7 @@ impl Failures {
     ) {
         let key = Some((elements.failures_version(), elements.ends_version(), particles.free_version()));
         self.waiting.clear();
+        self.reported.clear();
         if self.key == key && releases.is_empty() {
             return;
         }
@@ -127,13 +131,14 @@ impl Failures {
         solved: &[f64],
         in_step: impl Fn(usize) -> bool,
     ) {
-        let Self { candidates, broken, yielded, overloaded, waiting, .. } = self;
+        let Self { candidates, broken, yielded, overloaded, waiting, reported, .. } = self;
         broken.clear();
         yielded.clear();
         overloaded.clear();
         for &candidate in candidates.iter() {
             let spring = &elements.springs().elements()[candidate.spring as usize];
-            if !spring.may_fail() || in_step(candidate.slot as usize) {
+            if !spring.may_fail() || in_step(candidate.slot as usize) || reported.contains(&candidate.spring)
+            {
                 continue;
             }
             let [length, measured] = elements.measure_spring(candidate.spring, particles);
@@ -153,6 +158,12 @@ impl Failures {
                 .map(|overload| overload.candidate)
                 .filter(|candidate| candidate.release > 0.0);
             waiting.extend(released.map(|candidate| candidate.island));
+            for candidate in overloaded.iter().map(|overload| overload.candidate) {
+                if elements.springs().elements()[candidate.spring as usize].tears {
+                    reported.push(candidate.spring);
+                    waiting.push(candidate.island);
+                }
+            }
         }
     }
 }

@@ -184,13 +184,15 @@ impl Caches {
         if broken.is_empty() && yielded.is_empty() {
             return;
         }
-        broken.iter().for_each(|broken| elements.break_spring(broken.spring as u32));
+        outputs.broken.extend_from_slice(broken);
+        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
+        let broken = broken.iter().map(|broken| broken.spring);
+        let tears = |spring: usize| elements.springs().elements()[spring].tears;
+        let removed: Vec<usize> = broken.filter(|spring| !tears(*spring)).collect();
+        removed.iter().for_each(|spring| elements.break_spring(*spring as u32));
         yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
-        for spring in broken
-            .iter()
-            .map(|broken| broken.spring)
-            .chain(yielded.iter().map(|(spring, _)| *spring as usize))
-        {
+        let changed = yielded.iter().map(|(spring, _)| *spring as usize);
+        for spring in removed.iter().copied().chain(changed) {
             let (ends, parameters) = elements.springs().with_ends(spring);
             ends.into_iter().for_each(|end| pulls.forget(end));
             if !plan.integrator.is_implicit() {
@@ -198,10 +200,8 @@ impl Caches {
             }
         }
         releases.extend(self.failures.released(elements));
-        outputs.broken.extend_from_slice(broken);
-        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
         self.scratch.disturb();
-        if !broken.is_empty() {
+        if !removed.is_empty() {
             contacts.request_search();
             self.strain_limits.prepare(elements, particles);
         }
