@@ -38,6 +38,8 @@ pub struct Cloth {
     pub max_stretch: Option<f32>,
     /// The coefficients of the air's forces on its area.
     pub air: Air,
+    /// Whether its particles collide with each other, where particles collide at all. Default true.
+    pub self_collision: bool,
 }
 
 /// Where a cloth is laid out.
@@ -79,6 +81,7 @@ impl Default for Cloth {
             material: ClothMaterial::default(),
             max_stretch: None,
             air: Air::default(),
+            self_collision: true,
         }
     }
 }
@@ -223,6 +226,7 @@ impl Cloth {
     }
 
     fn finish(&self, topology: Topology) -> Result<Topology, NetError> {
-        Topology { radius: self.radius, air: self.air, ..topology }.checked()
+        let ignores_itself = !self.self_collision;
+        Topology { radius: self.radius, air: self.air, ignores_itself, ..topology }.checked()
     }
 }

@@ -1,4 +1,6 @@
 //! Recipes into nets: laid out when they are inserted, their materials live.
+//!
+//! A [`ParticleNet`] that is inserted with the recipe of its topology is laid out already: it stays as it is.
 
 use std::sync::{Arc, Weak};
 
@@ -189,6 +191,8 @@ struct Layouts<'w, 's> {
     helper: TransformHelper<'w, 's>,
     transforms: Query<'w, 's, &'static Transform>,
     meshes: Query<'w, 's, &'static RecipeMesh>,
+    /// Nets that came with their recipe, as from a scene.
+    ready: Query<'w, 's, &'static ParticleNet, Without<LaidOut>>,
     commands: Commands<'w, 's>,
 }
 
@@ -234,11 +238,15 @@ impl Layouts<'_, '_> {
                 return;
             }
         };
+        let laid_out = LaidOut { recipe: recipe.clone().into_any(), mesh: mesh.cloned() };
+        if self.ready.get(entity).is_ok_and(|net| **net.topology() == *topology) {
+            self.commands.entity(entity).try_insert(laid_out);
+            return;
+        }
         let own = || self.transforms.get(entity).copied().unwrap_or_default().compute_affine();
         let frame =
             self.helper.compute_global_transform(entity).map_or_else(|_| own(), |frame| frame.affine());
         let net = ParticleNet::laid_out(topology, |place| frame.transform_point3(place));
-        let laid_out = LaidOut { recipe: recipe.clone().into_any(), mesh: mesh.cloned() };
         self.commands.entity(entity).try_insert((net, laid_out));
     }
 }

@@ -34,6 +34,9 @@ pub struct Topology {
     pub air: Air,
     /// The pressure of the gas inside at the rest volume, Pa above the surroundings. `None`: it encloses none.
     pub pressure: Option<f32>,
+    /// Whether its particles do not collide with each other.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub ignores_itself: bool,
     /// How the vertices of the user's mesh hang on the particles; `None` if there is no such mesh.
     pub binding: Option<MeshBinding>,
 }

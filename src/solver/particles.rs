@@ -164,6 +164,9 @@ pub(crate) struct Particles {
     pub applied_force: Vectors,
     inverse_mass: Vec<f32>,
     radius: Vec<f32>,
+    /// Those of one family, which is not 0, do not collide with each other.
+    family: Vec<u32>,
+    families: u32,
     mass_version: Version,
     free_version: Version,
     added_version: Version,
@@ -203,6 +206,7 @@ impl Particles {
         self.applied_force.push(Vec3::ZERO);
         self.inverse_mass.push(inverse_mass);
         self.radius.push(radius);
+        self.family.push(0);
         self.added_version = Version::new();
         self.free_version = self.added_version;
     }
@@ -217,6 +221,7 @@ impl Particles {
         }
         self.applied_force.resize(count);
         self.radius.resize(count, radius);
+        self.family.resize(count, 0);
         self.added_version = Version::new();
         self.free_version = self.added_version;
     }
@@ -243,6 +248,23 @@ impl Particles {
         self.radius[slot] = radius;
     }
 
+    /// Whether a particle belongs to a family.
+    pub fn has_family(&self, slot: usize) -> bool {
+        self.family[slot] != 0
+    }
+
+    /// The family of each particle; 0: none. Empty if no particle ever had one.
+    pub fn families(&self) -> &[u32] {
+        if self.families == 0 { &[] } else { &self.family }
+    }
+
+    /// Makes particles a family of their own, or of none.
+    pub fn set_family(&mut self, slots: impl Iterator<Item = usize>, is_one: bool) {
+        self.families += u32::from(is_one);
+        let family = if is_one { self.families } else { 0 };
+        slots.for_each(|slot| self.family[slot] = family);
+    }
+
     /// Removes all particles.
     pub fn clear(&mut self) {
         *self = Self::default();
@@ -261,6 +283,7 @@ impl Particles {
             self.applied_force.set(new, old.applied_force.get(slot));
             self.inverse_mass[new] = old.inverse_mass[slot];
             self.radius[new] = old.radius[slot];
+            self.family[new] = old.family[slot];
         }
         self.mass_version = Version::new();
         self.free_version = self.mass_version;

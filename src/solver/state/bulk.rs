@@ -34,6 +34,8 @@ pub(crate) struct NetElements<'a> {
     pub filament: Option<Filament>,
     /// What the surface encloses.
     pub gas: Option<Gas>,
+    /// Whether the particles do not collide with each other.
+    pub ignores_itself: bool,
 }
 
 impl NetElements<'_> {
@@ -57,6 +59,9 @@ impl State {
     ) -> NetRanges {
         let first = self.particles.len();
         self.particles.extend(particles, radius);
+        if elements.ignores_itself {
+            self.particles.set_family(first..self.particles.len(), true);
+        }
         self.contacts.request_search();
         self.may_coincide |= !elements.springs.is_empty();
         NetRanges {
@@ -159,8 +164,19 @@ impl State {
             wanted.face.into_iter().for_each(|face| self.set_faces(ranges.faces.clone(), face));
             wanted.filament.into_iter().for_each(|link| self.set_filaments(ranges.filaments.clone(), link));
             ranges.gas.zip(wanted.gas).into_iter().for_each(|(number, gas)| self.set_gas(number, gas));
+            let slots = (0..ranges.particles.len()).map(|particle| slot_of(particle as u32) as usize);
+            self.set_family(slots, wanted.ignores_itself);
         }
         is_same
+    }
+
+    /// Has the particles in some slots collide with each other, or not.
+    fn set_family(&mut self, mut slots: impl Iterator<Item = usize> + Clone, is_one: bool) {
+        let was_one = slots.clone().next().is_some_and(|slot| self.particles.has_family(slot));
+        if was_one != is_one {
+            self.particles.set_family(&mut slots, is_one);
+            self.contacts.request_search();
+        }
     }
 
     /// Springs of a net that was added anew go on from what they were when the last tick ended.

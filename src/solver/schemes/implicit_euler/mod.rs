@@ -215,7 +215,7 @@ impl Island {
     fn solve(&mut self, particles: &Particles, step: Step) {
         let Step { obstacles, sprung, surroundings: Surroundings { memory, settings, .. }, h, .. } = step;
         let Self { elimination, system, newton, excluded, pairs, node_of, .. } = self;
-        let filter = PairFilter { excluded, sprung, memory };
+        let filter = PairFilter { excluded, sprung, memory, families: particles.families() };
         let rules = settings.pair_rules.unwrap_or_default();
         let mut reach = 0.0;
         loop {
@@ -288,7 +288,8 @@ impl Island {
         self.balance();
         let Self { elimination, system, stages, excluded, .. } = self;
         let context = step.context(elimination);
-        let filter = PairFilter { excluded, sprung: step.sprung, memory: step.surroundings.memory };
+        let (memory, families) = (step.surroundings.memory, particles.families());
+        let filter = PairFilter { excluded, sprung: step.sprung, memory, families };
         if stages.enters_obstacle(system, context, particles, (step.obstacles, &filter))
             || stages.gains_energy(system, context, particles)
         {
