@@ -86,8 +86,9 @@ pub mod prelude {
     #[cfg(feature = "gltf")]
     pub use crate::gltf::MassSpringGltfPlugin;
     pub use crate::nets::{
-        Balloon, BalloonMaterial, Cloth, ClothMaterial, Corner, Jelly, JellyMaterial, ParticleNet, Rope,
-        RopeMaterial, Side,
+        Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
+        Corner, Jelly, JellyMaterial, JellyShape, Part, PartOf, ParticleNet, Parts, Rope, RopeMaterial, Side,
+        Winch,
     };
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
