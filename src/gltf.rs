@@ -108,7 +108,7 @@ impl NodeNet {
                 let material = named(&ClothMaterial::ALL, material.as_deref())?;
                 let mut cloth = Cloth::from_mesh().with_material(material);
                 cloth.radius = radius.unwrap_or(cloth.radius);
-                entity.insert((cloth, NetMesh::default()));
+                entity.insert((cloth, NetMesh));
                 if breaking_strain.is_some() {
                     entity.insert(Breaking { strain: *breaking_strain, ..default() });
                 }
@@ -117,14 +117,14 @@ impl NodeNet {
                 let material = named(&JellyMaterial::ALL, material.as_deref())?;
                 let mut jelly = Jelly::fill_mesh(cell.unwrap_or(0.1)).with_material(material);
                 jelly.radius = radius.unwrap_or(jelly.radius);
-                entity.insert((jelly, NetMesh::default()));
+                entity.insert((jelly, NetMesh));
             }
             Self::Balloon { material, radius, pressure, .. } => {
                 let material = named(&BalloonMaterial::ALL, material.as_deref())?;
                 let mut balloon = Balloon::from_mesh().with_material(material);
                 balloon.radius = radius.unwrap_or(balloon.radius);
                 balloon.material.pressure = pressure.unwrap_or(balloon.material.pressure);
-                entity.insert((balloon, NetMesh::default()));
+                entity.insert((balloon, NetMesh));
             }
         }
         Ok(())

@@ -83,6 +83,8 @@ pub mod prelude {
     pub use crate::environment::{Environment, Gusts};
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
+    #[cfg(feature = "gltf")]
+    pub use crate::gltf::MassSpringGltfPlugin;
     pub use crate::nets::{
         Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
         Corner, Jelly, JellyMaterial, JellyShape, Part, PartOf, ParticleNet, Parts, Rope, RopeMaterial, Side,
@@ -109,3 +111,13 @@ pub mod prelude {
 }
 #[doc(inline)]
 pub use prelude::*;
+
+/// The code of the README, compiled.
+#[cfg(all(doctest, feature = "render", feature = "gizmos"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
+/// The code of the guide to nets, compiled.
+#[cfg(all(doctest, feature = "render"))]
+#[doc = include_str!("../docs/nets.md")]
+struct NetsGuide;

@@ -50,10 +50,12 @@ impl Breaking {
 
     /// Gives the springs of a net their breaking forces: of the two the lower one.
     pub fn give_to(&self, topology: &mut Topology) {
+        let tears = !topology.triangles.is_empty();
         for (_, spring) in &mut topology.springs {
             let of_strain = self.strain.map(|strain| spring.stiffness * spring.length_at_rest() * strain);
             let limits = [of_strain, self.force].into_iter().flatten();
             spring.breaking_force = limits.reduce(f32::min);
+            spring.tears = tears && spring.breaking_force.is_some();
         }
     }
 }
@@ -75,6 +77,15 @@ impl ParticleNet {
     /// What its springs bear.
     pub(crate) fn breaking(&self) -> Breaking {
         self.breaking
+    }
+
+    /// A spring has another plastic strain by now.
+    pub(crate) fn yield_spring(&mut self, spring: u32, strain: f32) {
+        if let Some((_, spring)) = Arc::make_mut(&mut self.topology).springs.get_mut(spring as usize)
+            && let Some(plasticity) = &mut spring.plasticity
+        {
+            plasticity.strain = strain;
+        }
     }
 
     /// Comes apart where springs broke.

@@ -106,7 +106,9 @@ pub struct PartOf(#[entities] pub Entity);
 
 /// The parts of a net; they are despawned with it.
 #[derive(Component, Reflect, Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[relationship_target(relationship = PartOf, linked_spawn)]
 pub struct Parts(Vec<Entity>);
 

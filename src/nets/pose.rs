@@ -1,15 +1,16 @@
 //! Where particles are as a whole: their centre of mass, and the rotation that fits best.
 
-use bevy::math::{DMat3, DQuat, DVec3};
+use bevy::math::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use bevy::prelude::*;
 
 use super::ParticleNet;
 
 /// The most particles by which a rotation is found.
 const SAMPLE: usize = 256;
-/// The most iterations of the rotation, and the square of the turn at which they end.
-const ITERATIONS: usize = 32;
-const TOLERANCE: f64 = 1e-18;
+/// The number of squarings of the matrix of the rotation: its 4096th power.
+const SQUARINGS: usize = 12;
+/// The square of the part of the guess in the eigenspace, relative to the matrix, below which it is rounding.
+const MIN_PROJECTION: f64 = 1e-20;
 
 /// Centre of mass and rotation of some particles of a net.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,33 +55,40 @@ impl ParticleNet {
     }
 }
 
-/// The rotation R that makes Σ R_j · A_j the largest, for the covariance A, from a guess.
+/// The rotation R that makes Σ R_j · A_j the largest, for the covariance A; of several the one that is nearest to the guess.
 ///
-/// Müller, Bender, Chentanez and Macklin, *A robust method to extract the rotational part of deformations* (2016): turn
-/// by ω = Σ R_j × A_j / |Σ R_j · A_j| until that is zero. Each turn is here by 2 arctan(|ω| / 2) instead of |ω|, which
-/// needs no trigonometric function.
+/// For a unit quaternion q that sum is qᵀ K q, with a symmetric K (Davenport's q-method: Horn, *Closed-form solution of
+/// absolute orientation using unit quaternions*, 1987): what is sought are its eigenvectors of the largest eigenvalue.
+/// Powers of K + ‖K‖, whose eigenvalues are not negative, project on them.
 fn rotation_of(covariance: DMat3, guess: DQuat) -> DQuat {
-    let mut rotation = guess;
-    for _ in 0..ITERATIONS {
-        let axes = DMat3::from_quat(rotation);
-        let pairs = [
-            (axes.x_axis, covariance.x_axis),
-            (axes.y_axis, covariance.y_axis),
-            (axes.z_axis, covariance.z_axis),
-        ];
-        let torque: DVec3 = pairs.iter().map(|(axis, column)| axis.cross(*column)).sum();
-        let fit: f64 = pairs.iter().map(|(axis, column)| axis.dot(*column)).sum();
-        if !(fit.abs() > f64::MIN_POSITIVE && torque.is_finite()) {
-            break;
-        }
-        let turn = torque / fit.abs();
-        if turn.length_squared() < TOLERANCE {
-            break;
-        }
-        let half = 0.5 * turn;
-        rotation = (DQuat::from_xyzw(half.x, half.y, half.z, 1.0).normalize() * rotation).normalize();
+    let DMat3 { x_axis, y_axis, z_axis } = covariance;
+    let trace = x_axis.x + y_axis.y + z_axis.z;
+    let torque = DVec3::X.cross(x_axis) + DVec3::Y.cross(y_axis) + DVec3::Z.cross(z_axis);
+    let symmetric = covariance + covariance.transpose() - DMat3::from_diagonal(DVec3::splat(trace));
+    let matrix = DMat4::from_cols(
+        symmetric.x_axis.extend(torque.x),
+        symmetric.y_axis.extend(torque.y),
+        symmetric.z_axis.extend(torque.z),
+        torque.extend(trace),
+    );
+    let norm = matrix.to_cols_array().iter().map(|entry| entry * entry).sum::<f64>().sqrt();
+    if !(norm > f64::MIN_POSITIVE && norm.is_finite()) {
+        return guess;
     }
-    rotation
+    let mut power = matrix * (1.0 / norm) + DMat4::IDENTITY;
+    for _ in 0..SQUARINGS {
+        power *= power;
+        let largest = power.to_cols_array().iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
+        power *= 1.0 / largest;
+    }
+    // A guess at right angles to all of them says nothing; a column does then.
+    let columns = [power.x_axis, power.y_axis, power.z_axis, power.w_axis];
+    let column =
+        columns.into_iter().max_by(|one, other| one.length_squared().total_cmp(&other.length_squared()));
+    let projected = power * DVec4::from(guess);
+    let found =
+        if projected.length_squared() > MIN_PROJECTION { projected } else { column.unwrap_or(DVec4::W) };
+    DQuat::from_vec4(found.normalize())
 }
 
 #[cfg(test)]

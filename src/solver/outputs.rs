@@ -42,7 +42,8 @@ pub struct Outputs {
     /// The slot of each pinned particle with springs or a gas, and the force with which these pull at it at the end of the
     /// tick, N; by slot.
     pub reactions: Vec<(usize, Vec3)>,
-    /// The springs that broke in the tick, in the order in which they did; they are removed.
+    /// The springs that broke in the tick, in the order in which they did. They are removed, but for those that
+    /// [tear](crate::solver::Spring::tears).
     pub broken: Vec<Broken>,
     /// The springs that yielded in the tick, by their number.
     pub(crate) yielded: Vec<u32>,

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bevy::math::Vec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Elements, Exposed, Spring};
+use crate::solver::elements::{Elements, Exposed, Release, Spring};
 use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
@@ -62,6 +62,8 @@ pub struct State {
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
     pub(super) pulls: Pulls,
+    /// The breaks whose release is still on its way.
+    pub(super) releases: Vec<Release>,
     /// What the air blows at.
     pub(super) exposed: Exposed,
     pub(super) air_clock: AirClock,
@@ -92,12 +94,14 @@ impl State {
     pub(crate) fn put_back_pulls(&mut self, mut pulls: Pulls, new_slots: &[Option<u32>]) {
         pulls.renumber(new_slots, self.particles.len());
         self.pulls = pulls;
+        self.releases.retain_mut(|release| release.renumber(new_slots));
     }
 
     /// Resets what is remembered of contacts and pulls, as if the simulation had just started.
     pub(crate) fn forget_contacts(&mut self) {
         self.contacts.forget();
         self.pulls.clear();
+        self.releases.clear();
     }
 
     /// Measures positions from `origin` from now on.

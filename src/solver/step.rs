@@ -95,7 +95,7 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
-        caches.fail(state, outputs, plan, index);
+        caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
     state.air_clock.advance(settings.wind, settings.time_step);
@@ -168,7 +168,8 @@ impl Caches {
     }
 
     /// Removes the springs that broke in the substep of this `index`, and changes those that yielded.
-    fn fail(&mut self, state: &mut State, outputs: &mut Outputs, plan: Plan, index: u32) {
+    fn fail(&mut self, state: &mut State, outputs: &mut Outputs, plan: Plan, (index, substep): (u32, f32)) {
+        state.releases.iter_mut().for_each(|release| release.time_left -= substep);
         if !self.failures.any() {
             return;
         }
@@ -176,30 +177,31 @@ impl Caches {
         self.solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
         let (islands, stiff) = self.planner.stiff_islands();
         let is_between = plan.stiff_substeps > 0 && !ends_step;
-        let State { particles, elements, pulls, contacts, .. } = state;
+        let State { particles, elements, pulls, contacts, releases, .. } = state;
         let in_step = |slot: usize| is_between && stiff.contains(islands, particles, slot);
         self.failures.find(elements, particles, &self.tensions, in_step);
         let Failures { broken, yielded, .. } = &self.failures;
         if broken.is_empty() && yielded.is_empty() {
             return;
         }
-        broken.iter().for_each(|broken| elements.break_spring(broken.spring as u32));
+        outputs.broken.extend_from_slice(broken);
+        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
+        let broken = broken.iter().map(|broken| broken.spring);
+        let tears = |spring: usize| elements.springs().elements()[spring].tears;
+        let removed: Vec<usize> = broken.filter(|spring| !tears(*spring)).collect();
+        removed.iter().for_each(|spring| elements.break_spring(*spring as u32));
         yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
-        for spring in broken
-            .iter()
-            .map(|broken| broken.spring)
-            .chain(yielded.iter().map(|(spring, _)| *spring as usize))
-        {
+        let changed = yielded.iter().map(|(spring, _)| *spring as usize);
+        for spring in removed.iter().copied().chain(changed) {
             let (ends, parameters) = elements.springs().with_ends(spring);
             ends.into_iter().for_each(|end| pulls.forget(end));
             if !plan.integrator.is_implicit() {
                 self.blocks.set_parameters(spring, parameters);
             }
         }
-        outputs.broken.extend_from_slice(broken);
-        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
+        releases.extend(self.failures.released(elements));
         self.scratch.disturb();
-        if !broken.is_empty() {
+        if !removed.is_empty() {
             contacts.request_search();
             self.strain_limits.prepare(elements, particles);
         }
@@ -211,14 +213,16 @@ impl Caches {
             self.blocks.ramp_to(&state.elements, 1.0);
         }
         state.elements.end_ramps();
+        state.releases.retain(|release| release.time_left > 0.0);
     }
 
     /// Derives what the schemes of a tick need.
     fn prepare(&mut self, state: &mut State, plan: Plan) {
-        let State { particles, elements, pulls, .. } = state;
+        let State { particles, elements, pulls, releases, .. } = state;
         self.scratch.begin_tick(particles.len());
         self.strain_limits.prepare(elements, particles);
-        self.failures.prepare(elements, particles, || self.planner.refresh_islands(elements, particles));
+        self.failures
+            .prepare(elements, particles, releases, || self.planner.refresh_islands(elements, particles));
         let is_divided = plan.stiff_substeps > 0;
         if is_divided || plan.integrator == Integrator::TrBdf2 {
             pulls.begin_tick(particles.len());

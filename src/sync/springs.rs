@@ -117,7 +117,16 @@ pub(super) fn parameters(spring: &Spring) -> solver::Spring {
     let plasticity = spring.plasticity.map(|Plasticity { yield_strain, max_strain, strain }| {
         solver::Plasticity { yield_strain, max_strain, strain }
     });
-    solver::Spring { rest_length, stiffness, damping, tension_only, max_stretch, breaking_force, plasticity }
+    solver::Spring {
+        rest_length,
+        stiffness,
+        damping,
+        tension_only,
+        max_stretch,
+        breaking_force,
+        plasticity,
+        tears: false,
+    }
 }
 
 /// What can be wrong with a spring.

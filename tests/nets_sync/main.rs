@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod contacts;
 mod entities;
 mod faults;
 mod parts;

@@ -106,6 +106,7 @@ fn a_restored_snapshot_goes_on_with_the_same_bits() {
     run(&mut app, 10);
     assert_eq!(hash(&app, &particles), expected);
     app.world_mut().commands().queue(RestoreInitialState);
+    app.world_mut().flush();
     run(&mut app, 20);
     assert_eq!(hash(&app, &particles), expected, "from the initial state");
 }

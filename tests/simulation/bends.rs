@@ -189,7 +189,7 @@ fn free_ropes_keep_momentum_in_every_scheme_and_angular_momentum_where_the_schem
 }
 
 /// An arc of 24 links whose rods have their rest length, and nothing but: every scheme leaves it as it is, its energy is
-/// zero; bent to another radius it springs back.
+/// zero; bent to another radius it springs back: its slowest motion, of 1.2 rad/s, is damped by e^-t in 9 s.
 #[test]
 fn an_arc_keeps_the_shape_that_it_has_at_rest_in_every_scheme() {
     let arc = |angle: f32| -> Vec<Vec3> {
@@ -228,7 +228,7 @@ fn an_arc_keeps_the_shape_that_it_has_at_rest_in_every_scheme() {
             |solver: &Solver| (place(solver, 0) - 2.0 * place(solver, 12) + place(solver, 24)).length();
         let (start, rest) = (bent(&straightened), bent(&build(0.1)));
         for _ in 0..600 {
-            straightened.step(&StepSettings { viscosity: 0.5, ..fixed(integrator, 16, 1.0 / 64.0) });
+            straightened.step(&StepSettings { viscosity: 0.2, ..fixed(integrator, 16, 1.0 / 64.0) });
         }
         let found = bent(&straightened);
         assert!((found - rest).abs() < 0.05 * (rest - start).abs(), "{integrator}: {start} {found} {rest}");

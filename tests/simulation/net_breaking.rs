@@ -67,7 +67,7 @@ fn a_spring_breaks_and_comes_back() {
     assert!(app.world().get::<Broken>(spring).is_none());
     run(&mut app, 20);
     assert_eq!((seen(&app).len(), bits(&app, bob)), (2, fallen));
-    app.world_mut().trigger(RestoreInitialState);
+    RestoreInitialState.apply(app.world_mut());
     run(&mut app, 21);
     assert_eq!((seen(&app).len(), seen(&app)[2].tick, bits(&app, bob)), (3, tick, fallen));
     // Mended, it pulls again.
@@ -146,9 +146,11 @@ fn a_cloth_tears() {
     for i in 0..7 {
         app.world_mut().get_mut::<ParticleNet>(cloth).unwrap().applied_forces_mut()[i] = Vec3::NEG_Y * 40.0;
     }
+    run(&mut app, 10);
+    assert!(!seen(&app).is_empty());
+    app.world_mut().get_mut::<ParticleNet>(cloth).unwrap().clear_applied_forces();
     run(&mut app, 60);
     let net = net(&app, cloth);
-    assert!(!seen(&app).is_empty());
     assert!(net.len() > count && net.len() == net.topology().positions.len());
     assert_eq!(net.topology().triangles.len(), 72);
     let parts = pieces(net.topology());
@@ -161,7 +163,8 @@ fn a_cloth_tears() {
         let places = corners.map(|corner| net.positions()[corner as usize]);
         [places[0].distance(places[1]), places[1].distance(places[2]), places[2].distance(places[0])]
     });
-    assert!(longest.fold(0.0, f32::max) < 0.6);
+    let longest = longest.fold(0.0, f32::max);
+    assert!(longest < 0.3, "{longest} m");
 }
 
 /// A lamp of 2 kg on a rope that is tied to a hook, which is no particle: both ties bear it; then the hook turns, and the
@@ -192,6 +195,7 @@ fn attachments_pull_and_break() {
     assert_eq!(seen(&app).iter().map(|broke| broke.entity).collect::<Vec<_>>(), [end]);
     assert!(app.world().get::<Broken>(end).is_some());
     // Without its attachment the rope falls.
+    app.world_mut().resource_mut::<Environment>().viscosity = 0.0;
     app.world_mut().entity_mut(start).remove::<Attachment>();
     run(&mut app, 60);
     assert!(net(&app, rope).positions()[0].y < -1.0);

@@ -147,11 +147,6 @@ fn run(top: f64, ticks: u32, integrator: Integrator, substeps: SubstepMode) {
         let load = *crane.positions.last().unwrap();
         assert!(load.is_finite() && load.x.abs() < 1e-3, "{load}");
     }
-    println!(
-        "{integrator} {top}: {events} events, largest step {largest_step}, {} of {}",
-        last,
-        crane.weight()
-    );
     assert!(events >= 8, "{integrator}: {events} particles came or went");
     assert!(largest_step < 0.05, "{integrator}: a tension step of {largest_step}");
     assert!((last / crane.weight() - 1.0).abs() < 0.05, "{integrator}: {last} N of {} N", crane.weight());

@@ -27,6 +27,7 @@ pub use air::{Face, Filament};
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use failure::Plasticity;
+pub(super) use failure::Release;
 pub(super) use gas::{Enclosure, Gases};
 pub use gas::{Gas, GasReading, enclosed_volume};
 pub use spring::Spring;

@@ -82,16 +82,15 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     pulls: &mut Pulls,
 ) {
     let count = run.count as usize;
+    let mut weights = run.weights.unwrap_or([0.0; N]).map(|weight| [weight; LANES]);
     for first in (0..chunk).step_by(LANES) {
         // The last vector of a run overlaps the one before it and computes some bends again.
         let at = (done + first).min(count - LANES);
         let place = run.start as usize + at;
-        let mut weights = [[0.0; LANES]; N];
-        for (end, weights) in weights.iter_mut().enumerate() {
-            *weights = match run.weights {
-                Some(all) => [all[end]; LANES],
-                None => lanes(&list.weights[end], place),
-            };
+        if run.weights.is_none() {
+            for (weights, all) in weights.iter_mut().zip(&list.weights) {
+                *weights = lanes(all, place);
+            }
         }
         let separation = combine(motion.position, run, at, &weights);
         let rate = if DAMPED { combine(motion.velocity, run, at, &weights) } else { [[0.0; LANES]; 3] };
@@ -126,10 +125,10 @@ fn combine<const N: usize>(
 ) -> [[f32; LANES]; 3] {
     let mut sums = [[0.0; LANES]; 3];
     for (sums, vectors) in sums.iter_mut().zip(vectors) {
-        for end in 0..N {
+        for (end, weights) in weights.iter().enumerate() {
             let values = lanes(vectors, run.first[end] as usize + at);
             for lane in 0..LANES {
-                let term = values[lane] * weights[end][lane];
+                let term = values[lane] * weights[lane];
                 sums[lane] = if end == 0 { term } else { sums[lane] + term };
             }
         }

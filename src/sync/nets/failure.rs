@@ -83,6 +83,20 @@ pub(super) fn publish_breaks(
     true
 }
 
+/// Writes how far the springs of a net have yielded.
+pub(super) fn note_yields(
+    (net, place): (&mut Mut<ParticleNet>, &NetPlace),
+    yielded: &[u32],
+    state: &solver::State,
+) {
+    let own = &place.ranges.springs;
+    for slot in yielded.iter().map(|slot| *slot as usize).filter(|slot| own.contains(slot)) {
+        if let Some(plasticity) = state.spring(slot).and_then(|spring| spring.plasticity) {
+            net.yield_spring((slot - own.start) as u32, plasticity.strain);
+        }
+    }
+}
+
 /// Whether a tick has anything to do here.
 pub(in crate::sync) fn any_winches(state: Res<MassSpringState>, winches: Query<(), With<Winch>>) -> bool {
     !state.nets.entries.is_empty() && !winches.is_empty()

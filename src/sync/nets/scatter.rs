@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use super::super::Simulation;
 use super::super::state::MassSpringState;
 use super::super::view::View;
-use super::failure::publish_breaks;
+use super::failure::{note_yields, publish_breaks};
 use super::gather::GatheredNets;
 use super::registry::NetPlace;
 use crate::nets::{Arrays, ParticleNet};
@@ -67,6 +67,7 @@ pub(in crate::sync) fn scatter_nets(
             net.bypass_change_detection().arrays_mut().tensions.extend_from_slice(tensions);
         }
         known.written = Some(net.last_changed());
+        note_yields((&mut net, place), &simulation.outputs.yielded, solver);
         let broken = &simulation.outputs.broken;
         if !broken.is_empty()
             && publish_breaks(&mut commands, (entry.entity, &mut net, place), broken, solver, &mut report)

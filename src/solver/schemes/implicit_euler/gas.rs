@@ -74,19 +74,19 @@ impl GasTerms {
     }
 }
 
-/// Calls `push` with each free node of the gases and the force on it at these positions, N.
+/// Calls `push` with each free node of the gases and the force on it at these positions, N; `gradient` is working space.
 pub(super) fn for_each_force(
     elimination: &Elimination,
     elements: &Elements,
     position: impl Fn(usize) -> DVec3,
+    gradient: &mut Vec<DVec3>,
     mut push: impl FnMut(usize, DVec3),
 ) {
-    let mut gradient = Vec::new();
     for (number, nodes) in &elimination.gases {
         let enclosure = &elements.gases().all()[*number as usize];
-        let volume = enclosure.measure(|place| position(nodes[place] as usize), &mut gradient);
+        let volume = enclosure.measure(|place| position(nodes[place] as usize), gradient);
         let pressure = enclosure.gas.pressure_at(volume);
-        let free = nodes.iter().zip(&gradient).filter(|(node, _)| (**node as usize) < elimination.free);
+        let free = nodes.iter().zip(&*gradient).filter(|(node, _)| (**node as usize) < elimination.free);
         free.for_each(|(node, gradient)| push(*node as usize, *gradient * pressure));
     }
 }

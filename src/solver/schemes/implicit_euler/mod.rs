@@ -253,10 +253,12 @@ impl Island {
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
-        let pull =
-            if system.contacts.may_rebound() { system.start_pull(elimination, elements) } else { Vec::new() };
-        let System { contacts, position, .. } = &mut *system;
-        let rebounds = contacts.may_rebound() && contacts.begin_rebound(position, &pull, resting_speed, h);
+        let may_rebound = system.contacts.may_rebound();
+        if may_rebound {
+            system.find_start_pull(elimination, elements);
+        }
+        let System { contacts, position, start_pull, .. } = &mut *system;
+        let rebounds = may_rebound && contacts.begin_rebound(position, start_pull, resting_speed, h);
         system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
         if rebounds {
             system.load = 0.0;

@@ -70,6 +70,10 @@ pub(super) struct System {
     pub gases: GasTerms,
     /// With what nothing in the step can move.
     pub contacts: Contacts,
+    /// The forces of elements and gases at the start, N; found where a contact may rebound.
+    pub start_pull: Vec<DVec3>,
+    /// Working space: the gradient of the volume of a gas, m².
+    gradient: Vec<DVec3>,
 }
 
 /// The stiffness of an element of more than two ends; that of a tree node is in no `block`.
@@ -205,25 +209,27 @@ impl System {
         }))
     }
 
-    /// The forces of elements and gases on the nodes at the start of the step, N; dampers have none there.
-    pub fn start_pull(&self, elimination: &Elimination, elements: &Elements) -> Vec<DVec3> {
-        let mut pull = vec![DVec3::ZERO; self.start.len()];
+    /// Finds the forces of elements and gases on the nodes at the start of the step, N; dampers have none there.
+    pub fn find_start_pull(&mut self, elimination: &Elimination, elements: &Elements) {
+        let Self { start, start_pull: pull, .. } = self;
+        pull.clear();
+        pull.resize(start.len(), DVec3::ZERO);
         for (element, &[first, second]) in self.elements.iter().zip(&elimination.ends) {
             let [first, second] = [first as usize, second as usize];
-            let separation = self.start[first] - self.start[second];
+            let separation = start[first] - start[second];
             let force = separation.normalize_or_zero() * -element.tension(separation);
             pull[first] += force;
             pull[second] -= force;
         }
         for (compound, element) in self.compounds.iter().zip(&self.elements[elimination.elements.len()..]) {
-            let separation = combine(&compound.nodes, compound.weights, &self.start);
+            let separation = combine(&compound.nodes, compound.weights, start);
             let force = separation.normalize_or_zero() * -element.tension(separation);
             for (node, weight) in compound.nodes.ends().iter().zip(compound.weights) {
                 pull[*node as usize] += force * weight;
             }
         }
-        gas::for_each_force(elimination, elements, |node| self.start[node], |node, push| pull[node] += push);
-        pull
+        let push = |node: usize, push: DVec3| pull[node] += push;
+        gas::for_each_force(elimination, elements, |node| start[node], &mut self.gradient, push);
     }
 
     fn linearise_core(&mut self, elimination: &Elimination) -> f64 {

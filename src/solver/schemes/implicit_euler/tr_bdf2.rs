@@ -64,6 +64,8 @@ pub(super) struct Stages {
     elements: Vec<Length>,
     /// The tension of each element at the end of the trapezoidal rule, N; empty after a step of backward Euler.
     middle: Vec<f64>,
+    /// Working space: the gradient of the volume of a gas, m².
+    gradient: Vec<DVec3>,
 }
 
 /// m and m/s
@@ -124,7 +126,7 @@ impl Stages {
     /// length, m.
     fn measure_elements(&mut self, context: Context, particles: &Particles, wanted: bool) -> f64 {
         let Context { elimination, elements, .. } = context;
-        let Self { start, pull, elements: lengths, .. } = self;
+        let Self { start, pull, elements: lengths, gradient, .. } = self;
         if wanted {
             pull.resize(elimination.free, DVec3::ZERO);
         }
@@ -165,6 +167,7 @@ impl Stages {
                 elimination,
                 elements,
                 |node| start[node].position,
+                gradient,
                 |node, push| {
                     pull[node] +=
                         push * f64::from(particles.inverse_mass()[elimination.slots[node] as usize]);

@@ -1,2 +1,0 @@
-#[path = "simulation/bends.rs"]
-mod bends;
