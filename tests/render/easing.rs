@@ -42,7 +42,7 @@ fn drawn(app: &App, cloth: Entity) -> f32 {
 #[test]
 fn a_net_is_drawn_on_the_way() {
     let (mut app, cloth) = eased_app();
-    let mut last = None;
+    let mut last: Option<f32> = None;
     for _ in 0..20 {
         app.update();
         let here = drawn(&app, cloth);
