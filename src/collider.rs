@@ -81,10 +81,14 @@ impl Default for CollisionSettings {
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct Contact {
-    /// The particle that was pushed along [`normal`](Self::normal).
+    /// The particle that was pushed along [`normal`](Self::normal), or the net of which it is one.
     pub particle: Entity,
-    /// The entity of the [`PlaneCollider`], or the other particle.
+    /// Its number in the net; `None` of a loose particle.
+    pub index: Option<u32>,
+    /// The entity of the [`PlaneCollider`], or the other particle, or the net of which it is one.
     pub other: Entity,
+    /// The number of the other particle in its net; `None` of a plane or a loose particle.
+    pub other_index: Option<u32>,
     /// Where they touched, in world space, m.
     pub point: Vec3,
     /// Unit vector from [`other`](Self::other) towards [`particle`](Self::particle).

@@ -1,7 +1,10 @@
 //! Draws particles, springs and planes with Bevy's gizmos.
 //!
 //! Owns the gizmo group [`MassSpringGizmos`] and reads components and published results only. It
-//! draws in `PostUpdate` from [`GlobalTransform`], hence where things are seen, after interpolation.
+//! draws in `PostUpdate` from [`GlobalTransform`], hence where things are seen, after interpolation; nets where `render`
+//! draws them.
+
+mod nets;
 
 use bevy::app::Plugin;
 use bevy::color::Mix;
@@ -14,7 +17,7 @@ use crate::particle::{Particle, Pinned};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
 
-/// Draws the simulation with gizmos, as [`MassSpringGizmos`] says.
+/// Draws the simulation with gizmos, loose particles and nets, as [`MassSpringGizmos`] says.
 ///
 /// Add it after `DefaultPlugins`. In an app without Bevy's `GizmoPlugin`, such as a headless one, it
 /// does nothing.
@@ -37,7 +40,8 @@ impl Plugin for MassSpringGizmosPlugin {
         }
         app.init_gizmo_group::<MassSpringGizmos>().add_systems(
             PostUpdate,
-            (draw_particles, draw_springs, draw_planes).after(TransformSystems::Propagate),
+            (draw_particles, draw_springs, nets::draw_particles, nets::draw_springs, draw_planes)
+                .after(TransformSystems::Propagate),
         );
         #[cfg(feature = "drag")]
         app.add_systems(PostUpdate, draw_grip.after(TransformSystems::Propagate));
@@ -114,10 +118,14 @@ impl Default for MassSpringGizmos {
 impl MassSpringGizmos {
     /// The colour of a spring that is `length` m long.
     pub fn spring_color(&self, spring: &Spring, length: f32) -> Color {
+        self.color_of_stretch(spring.rest_length, spring.tension_only, length)
+    }
+
+    fn color_of_stretch(&self, rest_length: f32, tension_only: bool, length: f32) -> Color {
         // A spring of rest length 0 has no relative stretch: its length in m stands in for it.
-        let unit = if spring.rest_length > 0.0 { spring.rest_length } else { 1.0 };
-        let elongation = length - spring.rest_length;
-        let elongation = if spring.tension_only { elongation.max(0.0) } else { elongation };
+        let unit = if rest_length > 0.0 { rest_length } else { 1.0 };
+        let elongation = length - rest_length;
+        let elongation = if tension_only { elongation.max(0.0) } else { elongation };
         let share = elongation / (unit * self.full_stretch);
         let far = if share < 0.0 { self.compression_color } else { self.tension_color };
         self.relaxed_color.mix(&far, share.abs().min(1.0))
@@ -147,17 +155,19 @@ fn draw_springs(
     if !gizmos.config_ext.springs {
         return;
     }
+    let is_flat = dimensions.is_some_and(|dimensions| *dimensions == Dimensions::Two);
     for spring in &springs {
         if let Ok([first, second]) = particles.get_many(spring.particles) {
             let (first, second) = (first.translation(), second.translation());
-            let length = match dimensions.as_deref() {
-                Some(Dimensions::Two) => first.truncate().distance(second.truncate()),
-                _ => first.distance(second),
-            };
-            let color = gizmos.config_ext.spring_color(spring, length);
+            let color = gizmos.config_ext.spring_color(spring, length([first, second], is_flat));
             gizmos.line(first, second, color);
         }
     }
+}
+
+/// The length of a spring, m; in two dimensions that in the plane of motion.
+fn length([first, second]: [Vec3; 2], is_flat: bool) -> f32 {
+    if is_flat { first.truncate().distance(second.truncate()) } else { first.distance(second) }
 }
 
 fn draw_planes(mut gizmos: Gizmos<MassSpringGizmos>, planes: Query<&GlobalTransform, With<PlaneCollider>>) {
@@ -183,19 +193,23 @@ fn draw_grip(
     mut gizmos: Gizmos<MassSpringGizmos>,
     drag: Option<Res<crate::drag::ParticleDrag>>,
     particles: Query<(&Particle, &GlobalTransform)>,
+    nets: nets::SeenNets,
     cameras: Query<&GlobalTransform, With<Camera>>,
 ) {
     let Some(drag) = drag.filter(|_| gizmos.config_ext.grip) else { return };
-    let (particle, color) = match (drag.dragged, drag.hovered) {
-        (Some(dragged), _) => (dragged, gizmos.config_ext.dragged_color),
-        (None, Some(hovered)) => (hovered, gizmos.config_ext.hovered_color),
+    let (entity, index, color) = match (drag.dragged, drag.hovered) {
+        (Some(dragged), _) => (dragged, drag.dragged_index, gizmos.config_ext.dragged_color),
+        (None, Some(hovered)) => (hovered, drag.hovered_index, gizmos.config_ext.hovered_color),
         (None, None) => return,
     };
     let Some(camera) = drag.camera.and_then(|camera| cameras.get(camera).ok()) else { return };
-    let Ok((particle, transform)) = particles.get(particle) else { return };
-    let center = transform.translation();
+    let found = match index {
+        Some(index) => nets.get(entity).and_then(|net| Some((net.place(index)?, net.net.radius()))),
+        None => particles.get(entity).ok().map(|(particle, place)| (place.translation(), particle.radius)),
+    };
+    let Some((center, radius)) = found else { return };
     // Around a tiny particle the ring would be too small to see: at least 1 % of the distance.
-    let radius = (1.4 * particle.radius).max(0.01 * center.distance(camera.translation()));
+    let radius = (1.4 * radius).max(0.01 * center.distance(camera.translation()));
     gizmos.circle(Isometry3d::new(center, camera.rotation()), radius, color);
     if let Some(target) = drag.target {
         gizmos.line(center, target, color);

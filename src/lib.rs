@@ -32,6 +32,7 @@
 
 #![warn(missing_docs)]
 
+pub mod bend;
 pub mod collider;
 pub mod diagnostics;
 #[cfg(feature = "drag")]
@@ -39,6 +40,8 @@ pub mod drag;
 pub mod environment;
 #[cfg(feature = "gizmos")]
 pub mod gizmos;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 #[cfg(feature = "interpolation")]
 mod interpolation;
 pub mod nets;
@@ -72,14 +75,21 @@ pub use schedule::MassSpringSystems;
 pub mod prelude {
     #[cfg(feature = "interpolation")]
     pub use crate::MassSpringInterpolationPlugin;
+    pub use crate::bend::Bend;
     pub use crate::collider::{CollisionSettings, Contact, PlaneCollider};
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
     pub use crate::drag::ParticleDragPlugin;
-    pub use crate::environment::Environment;
+    pub use crate::environment::{Environment, Gusts};
     #[cfg(feature = "gizmos")]
     pub use crate::gizmos::{MassSpringGizmos, MassSpringGizmosPlugin};
-    pub use crate::nets::ParticleNet;
+    #[cfg(feature = "gltf")]
+    pub use crate::gltf::MassSpringGltfPlugin;
+    pub use crate::nets::{
+        Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
+        Corner, Jelly, JellyMaterial, JellyShape, Part, PartOf, ParticleNet, Parts, Rope, RopeMaterial, Side,
+        Winch,
+    };
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;
     pub use crate::particle::{
@@ -101,3 +111,13 @@ pub mod prelude {
 }
 #[doc(inline)]
 pub use prelude::*;
+
+/// The code of the README, compiled.
+#[cfg(all(doctest, feature = "render", feature = "gizmos"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
+/// The code of the guide to nets, compiled.
+#[cfg(all(doctest, feature = "render"))]
+#[doc = include_str!("../docs/nets.md")]
+struct NetsGuide;

@@ -4,8 +4,13 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::{CollisionSettings, PlaneCollider};
 use crate::environment::Environment;
+use crate::nets::{
+    self, Attachment, Balloon, Breaking, Cloth, Jelly, Part, PartOf, PartState, ParticleNet, Parts, Rope,
+    Winch,
+};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
@@ -97,6 +102,7 @@ impl Plugin for MassSpringPlugin {
                     .run_if(time_advances),
             );
         sync::build(app, self.schedule);
+        nets::build(app, self.schedule);
         register_types(app);
         if self.companions {
             self.add_companions(app);
@@ -112,8 +118,10 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 }
 
 fn register_types(app: &mut App) {
-    app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, PlaneCollider)>()
+    app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, PlaneCollider)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
+        .register_type::<(Rope, Cloth, Jelly, Balloon)>()
+        .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
         .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
 }

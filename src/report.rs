@@ -67,23 +67,25 @@ impl TickReport {
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct ParticleFault {
-    /// The particle.
+    /// The particle, or the net of which it is one.
     pub particle: Entity,
+    /// Its number in the net; `None` of a loose particle.
+    pub index: Option<u32>,
     /// The tick in which it happened, counted as in [`TickReport::tick`].
     pub tick: u64,
 }
 
 /// A spring broke: its tension exceeded its breaking force.
 ///
-/// It is triggered on the entity of the spring. There it exerts no force any more: it has the component
-/// [`Broken`](crate::spring::Broken).
+/// It is triggered on the entity of the spring, which has the component [`Broken`](crate::spring::Broken) by then and
+/// exerts no force any more; or on the net, once for each spring of it.
 #[derive(EntityEvent, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct Broke {
-    /// The entity of the spring.
+    /// The entity of the spring, or the net.
     pub entity: Entity,
     /// The tick in which it happened, counted as in [`TickReport::tick`].
     pub tick: u64,
@@ -91,6 +93,10 @@ pub struct Broke {
     pub tension: f32,
     /// The middle between its ends then, in world space, m.
     pub point: Vec3,
+    /// The number of the spring in its net.
+    pub spring: Option<u32>,
+    /// Into how many pieces the net is by now; one of them may be a single particle.
+    pub pieces: Option<u32>,
 }
 
 /// The forces of all springs at the end of the last tick.
@@ -103,8 +109,9 @@ pub struct Broke {
 #[non_exhaustive]
 pub struct SpringForces {
     /// Each spring in the simulation and its tension in N, damper included; negative where it pushes. In the order of
-    /// spawning.
+    /// spawning. Those of a net are in its [`tension`](crate::ParticleNet::tension).
     pub tensions: Vec<(Entity, f32)>,
-    /// Each pinned particle with springs, and the force in N with which they pull at it, in world space.
+    /// Each pinned particle with springs, and the force in N with which they pull at it, in world space. Those of a
+    /// net come under its entity, one after the other.
     pub reactions: Vec<(Entity, Vec3)>,
 }

@@ -44,7 +44,8 @@ pub struct Spring {
     /// Finite and >= 0. Default `None`: it never breaks.
     ///
     /// Of springs that hang together the one that is most overloaded breaks in a substep, and all that carry
-    /// twice their breaking force.
+    /// twice their breaking force. In ropes and trees nothing else breaks until the release has had the time to travel
+    /// through all of it.
     pub breaking_force: Option<f32>,
     /// How it yields. Default `None`: it is elastic.
     pub plasticity: Option<Plasticity>,

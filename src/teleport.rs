@@ -4,7 +4,7 @@ use bevy::prelude::*;
 
 use crate::sync::{Scope, relocate};
 
-/// Moves particles and planes to another place at once: nothing has moved, it is elsewhere.
+/// Moves particles, nets and planes to another place at once: nothing has moved, it is elsewhere.
 ///
 /// Strains, contacts and velocities relative to each other stay what they are; a rotation turns velocities, too. No
 /// easing draws the way in between. Positions are moved as exactly as the solver knows them, which is finer than a
@@ -39,7 +39,7 @@ pub struct Teleport {
 }
 
 impl Teleport {
-    /// Moves one particle or plane. Contacts of a particle are forgotten; its springs stay.
+    /// Moves one particle, net or plane. Contacts of a particle are forgotten; its springs stay.
     ///
     /// The `isometry` maps the places of the world to new ones: a `Vec3` is a translation in m, a `Quat` a rotation
     /// about the origin of the world.
@@ -47,13 +47,13 @@ impl Teleport {
         Self { scope: Scope::Entity(entity), isometry: isometry.into() }
     }
 
-    /// Moves a particle and all particles that springs join to it, directly or through others; pinned ones, too.
+    /// Moves a particle, part or net and all particles that springs join to it, directly or through others; pinned ones, too.
     /// The `isometry` is as in [`entity`](Self::entity).
     pub fn net(particle: Entity, isometry: impl Into<Isometry3d>) -> Self {
         Self { scope: Scope::Net(particle), isometry: isometry.into() }
     }
 
-    /// Moves all particles and planes. The `isometry` is as in [`entity`](Self::entity).
+    /// Moves all particles, nets and planes. The `isometry` is as in [`entity`](Self::entity).
     pub fn everything(isometry: impl Into<Isometry3d>) -> Self {
         Self { scope: Scope::Everything, isometry: isometry.into() }
     }

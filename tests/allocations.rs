@@ -5,10 +5,11 @@ mod common;
 use allocation_counter::measure;
 use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
+use bevy_mass_spring::nets::{Part, PartOf, Side, Topology};
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
 
-use common::{app, join, run, spawn, spawn_pinned};
+use common::{app, join, run, scheme, spawn, spawn_pinned};
 
 const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
@@ -95,4 +96,65 @@ fn a_tick_allocates_no_more_than_an_empty_app() {
         measure(|| run(&mut app, 100)).count_total
     };
     assert_eq!(allocations(true), allocations(false));
+}
+
+/// A net that hangs in the wind from a part which moves, and is pushed at its last particle. It touches nothing: contacts
+/// are remembered in arrays of their own, whose sizes vary.
+fn moving_net(app: &mut App, settings: SolverSettings, mut topology: Topology, held: Part) -> Entity {
+    topology.radius = 0.0;
+    app.insert_resource(settings);
+    let mut environment = app.world_mut().resource_mut::<Environment>();
+    (environment.air_density, environment.wind) = (1.2, Vec3::new(2.0, 0.0, 1.0));
+    let last = Part::Particle(topology.positions.len() as u32 - 1);
+    let net = app.world_mut().spawn(ParticleNet::new(topology.into(), &Transform::IDENTITY)).id();
+    app.world_mut().spawn((PartOf(net), last, AppliedForce(Vec3::X * 0.01)));
+    app.world_mut().spawn((PartOf(net), held, Pinned)).id()
+}
+
+/// What 30 ticks allocate, after 60 others, beyond those of an empty app.
+fn surplus(populate: impl Fn(&mut App) -> Entity) -> u64 {
+    let allocations = |populated: bool| {
+        let mut app = app();
+        let held = populated.then(|| populate(&mut app));
+        for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+            schedule.set_executor(SingleThreadedExecutor::new());
+        }
+        let move_on = |app: &mut App| {
+            if let Some(mut held) = held.and_then(|held| app.world_mut().get_mut::<Transform>(held)) {
+                held.translation.x += 0.001;
+            }
+            run(app, 1);
+        };
+        (0..60).for_each(|_| move_on(&mut app));
+        measure(|| (0..30).for_each(|_| move_on(&mut app))).count_total
+    };
+    allocations(true).saturating_sub(allocations(false))
+}
+
+#[test]
+fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
+    let cloth = || Cloth::grid(Vec3::Y * 2.0, Vec3::X, Vec3::Z, UVec2::splat(6)).topology().expect("sound");
+    let soft_cloth = || {
+        let mut topology = cloth();
+        topology.hinges.clear();
+        topology.rods.clear();
+        topology.springs.iter_mut().for_each(|(_, spring)| (spring.stiffness, spring.damping) = (50.0, 0.05));
+        topology
+    };
+    let rope = || Rope::new(1.0).with_segments(20).topology().expect("sound");
+    let balloon = || Balloon::default().with_subdivisions(1).topology().expect("sound");
+    let edge = Part::Edge(Side::Top);
+    let settings = scheme(Integrator::SemiImplicitEuler, 8);
+    assert_eq!(surplus(|app| moving_net(app, settings, soft_cloth(), edge.clone())), 0);
+    for settings in [
+        SolverSettings::default(),
+        scheme(Integrator::ImplicitEuler, 1),
+        scheme(Integrator::TrBdf2, 1),
+        scheme(Integrator::Xpbd, 4),
+    ] {
+        assert_eq!(surplus(|app| moving_net(app, settings, cloth(), edge.clone())), 0, "cloth, {settings:?}");
+        assert_eq!(surplus(|app| moving_net(app, settings, rope(), Part::Start)), 0, "rope, {settings:?}");
+        let held = Part::Particle(0);
+        assert_eq!(surplus(|app| moving_net(app, settings, balloon(), held.clone())), 0, "{settings:?}");
+    }
 }

@@ -8,6 +8,7 @@ use std::process::Command;
 use bevy::app::{TaskPoolOptions, TaskPoolThreadAssignmentPolicy};
 use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
+use bevy_mass_spring::nets::{Balloon, Cloth, Rope, Topology};
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::{PairRules, Plane, Solver, StepSettings};
 use common::*;
@@ -175,13 +176,14 @@ const LARGE_TICKS: u32 = 60;
 /// Ticks beside a stiff rope, where `Auto` runs two schemes, and as many of position-based dynamics.
 const OTHER_TICKS: u32 = 10;
 
+/// Ticks of nets by each scheme.
+const NET_TICKS: u32 = 3;
+
 const THREADS: &str = "MASS_SPRING_TEST_THREADS";
 
-/// Not a test but the child process of the next one: task pools are made once in a process.
-#[test]
-#[ignore = "run by the_number_of_threads_does_not_matter"]
-fn child_prints_its_history() {
-    let Some(threads) = std::env::var(THREADS).ok().and_then(|threads| threads.parse().ok()) else { return };
+/// An app on as many threads as the environment says, which it prints; `None` if that says nothing.
+fn app_on_threads() -> Option<App> {
+    let threads = std::env::var(THREADS).ok().and_then(|threads| threads.parse().ok())?;
     let compute = TaskPoolThreadAssignmentPolicy {
         min_threads: threads,
         max_threads: threads,
@@ -190,8 +192,73 @@ fn child_prints_its_history() {
         on_thread_destroy: None,
     };
     let options = TaskPoolOptions { max_total_threads: threads + 2, compute, ..TaskPoolOptions::default() };
-    let mut app = app_on(options, MassSpringPlugin::default());
+    let app = app_on(options, MassSpringPlugin::default());
     println!("threads {}", ComputeTaskPool::get().thread_num());
+    Some(app)
+}
+
+/// Nets in gusty wind, so large that every stage shares them among all threads: a rope that resists bending, a cloth, and
+/// a balloon.
+fn large_nets(app: &mut App) -> Vec<Entity> {
+    app.world_mut().spawn(PlaneCollider::default());
+    let mut environment = app.world_mut().resource_mut::<Environment>();
+    (environment.wind, environment.air_density) = (Vec3::new(4.0, 0.0, 2.0), 1.2);
+    environment.gusts = Some(Gusts::default());
+    let rope = Rope::new(100.0).with_segments(3000).topology();
+    let cloth = Cloth::grid(Vec3::Y * 2.0, Vec3::X * 4.0, Vec3::Z * 4.0, UVec2::splat(48)).topology();
+    let balloon = Balloon::default().with_subdivisions(3).topology();
+    let places = [Vec3::Y * 120.0, Vec3::X * 20.0, Vec3::new(40.0, 0.6, 0.0)];
+    let nets = [rope, cloth, balloon].map(|topology| topology.expect("it is sound"));
+    let mut spawn = |(topology, place): (Topology, Vec3)| {
+        let net = ParticleNet::new(topology.into(), &Transform::from_translation(place));
+        app.world_mut().spawn(net.with_pinned([0])).id()
+    };
+    nets.into_iter().zip(places).map(&mut spawn).collect()
+}
+
+/// The hash of the nets after each tick.
+fn net_history(app: &mut App, nets: &[Entity], ticks: u32) -> Vec<u64> {
+    let step = |_| {
+        run(app, 1);
+        let mut hasher = DefaultHasher::new();
+        for net in nets {
+            let net = app.world().get::<ParticleNet>(*net).expect("it exists");
+            for value in net.positions().iter().chain(net.velocities()).flat_map(|value| value.to_array()) {
+                value.to_bits().hash(&mut hasher);
+            }
+        }
+        hasher.finish()
+    };
+    (0..ticks).map(step).collect()
+}
+
+/// Not a test but the child process of the last one: nets, by every scheme.
+#[test]
+#[ignore = "run by the_number_of_threads_does_not_matter_to_nets"]
+fn child_prints_the_history_of_nets() {
+    let Some(mut app) = app_on_threads() else { return };
+    let nets = large_nets(&mut app);
+    for (integrator, substeps) in [
+        (Integrator::SemiImplicitEuler, 4),
+        (Integrator::VelocityVerlet, 4),
+        (Integrator::RungeKutta4, 2),
+        (Integrator::Xpbd, 2),
+        (Integrator::ImplicitEuler, 1),
+        (Integrator::TrBdf2, 1),
+    ] {
+        app.world_mut().get_mut::<ParticleNet>(nets[0]).expect("it exists").velocities_mut().fill(Vec3::ZERO);
+        app.insert_resource(common::scheme(integrator, substeps));
+        for hash in net_history(&mut app, &nets, NET_TICKS) {
+            println!("hash {hash}");
+        }
+    }
+}
+
+/// Not a test but the child process of the next one: task pools are made once in a process.
+#[test]
+#[ignore = "run by the_number_of_threads_does_not_matter"]
+fn child_prints_its_history() {
+    let Some(mut app) = app_on_threads() else { return };
     let mut all = scene(&mut app, 20, |_| {});
     all.extend(large_scene(&mut app));
     let mut hashes = history(&mut app, &all, LARGE_TICKS);
@@ -239,9 +306,9 @@ fn dense_pile() -> u64 {
     hasher.finish()
 }
 
-fn history_on(threads: usize) -> Vec<u64> {
+fn history_on(threads: usize, name: &str) -> Vec<u64> {
     let child = Command::new(std::env::current_exe().expect("the path of the test binary is available"))
-        .args(["--exact", "child_prints_its_history", "--ignored", "--nocapture"])
+        .args(["--exact", name, "--ignored", "--nocapture"])
         .env(THREADS, threads.to_string())
         .output()
         .expect("the test binary starts");
@@ -262,10 +329,22 @@ fn history_on(threads: usize) -> Vec<u64> {
 
 #[test]
 fn the_number_of_threads_does_not_matter() {
-    let one = history_on(1);
+    let name = "child_prints_its_history";
+    let one = history_on(1, name);
     assert_eq!(one.len(), (LARGE_TICKS + 3 * OTHER_TICKS) as usize + 1);
     for threads in [2, 3, 8] {
-        assert_same(&one, &history_on(threads), &format!("the run on {threads} threads"));
+        assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
+    }
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter_to_nets() {
+    let name = "child_prints_the_history_of_nets";
+    let one = history_on(1, name);
+    assert_eq!(one.len(), 6 * NET_TICKS as usize);
+    assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
+    for threads in [2, 3, 8] {
+        assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
     }
 }
 

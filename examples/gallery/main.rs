@@ -19,9 +19,11 @@ mod stage;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use bevy::gltf::GltfPlugin;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
+use bevy_mass_spring::gltf::ATTRIBUTE_PIN;
 use bevy_mass_spring::prelude::*;
 use clap::Parser;
 
@@ -67,6 +69,7 @@ fn run(arguments: Arguments) -> AppExit {
     };
     let default_plugins = DefaultPlugins
         .set(WindowPlugin { primary_window: Some(window), ..default() })
+        .set(GltfPlugin::default().add_custom_vertex_attribute("_PIN", ATTRIBUTE_PIN))
         .set(LogPlugin { filter: "warn,wgpu=error,naga=error".to_owned(), ..default() })
         .set(RenderPlugin { synchronous_pipeline_compilation: arguments.screenshot.is_some(), ..default() });
     let mut app = App::new();

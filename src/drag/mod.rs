@@ -1,11 +1,14 @@
 //! Picks particles with the pointer and drags them.
 //!
-//! `picking` is a backend of Bevy's picking that needs no meshes; `grip` follows the pointer. This
-//! module owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves pinned
-//! particles by their `Transform` and free ones by their `AppliedForce`, and is independent of the solver.
+//! `picking` is a backend of Bevy's picking that needs no meshes; `grip` follows the pointer, `pull` moves what is in the
+//! grip. This module owns [`ParticleDrag`] and is the only one that names `Pointer`. It moves pinned particles by their
+//! `Transform`, or that of the [`Part`](crate::nets::Part) that holds them, and free ones by the force that is applied to
+//! them, and is independent of the solver.
 
 mod grip;
+mod handle;
 mod picking;
+mod pull;
 
 use bevy::app::Plugin;
 use bevy::input::InputSystems;
@@ -14,7 +17,7 @@ use bevy::prelude::*;
 
 use crate::schedule::{MassSpringSystems, simulation_schedule};
 
-/// Lets the pointer drag particles.
+/// Lets the pointer drag particles, loose ones and those of nets.
 ///
 /// The left button drags any particle: a [`Pinned`](crate::particle::Pinned) one follows the pointer
 /// in the plane through it that faces the camera (in [two dimensions](crate::Dimensions), in its layer), a free one is pulled towards it by a force in
@@ -22,6 +25,10 @@ use crate::schedule::{MassSpringSystems, simulation_schedule};
 /// follows too, since no force acts then. Ctrl with the middle or right button, anywhere in the scene,
 /// drags the anchor: the particle marked with [`DragAnchor`], else the pinned one that is nearest to
 /// the pointer.
+///
+/// A net is grabbed at the particle that is nearest to where the pointer meets its surface, or at one near the pointer.
+/// Its hit in Bevy's picking has the entity of the net, and a [`NetHit`](crate::nets::NetHit) as extra data. A particle
+/// that a pinned [`Part`](crate::nets::Part) holds takes that part along.
 ///
 /// What is under the pointer and in its grip is published as [`ParticleDrag`], where
 /// `MassSpringGizmosPlugin` (feature `gizmos`) finds it to draw a ring. Anything that
@@ -55,11 +62,12 @@ impl Plugin for ParticleDragPlugin {
             return;
         }
         app.init_resource::<grip::Grip>()
+            .init_resource::<picking::NetPicks>()
             .add_systems(
                 PreUpdate,
                 (
                     picking::pick_particles.in_set(PickingSystems::Backend),
-                    (grip::follow_presses, grip::publish_hovered, grip::move_target, grip::place_particle)
+                    (grip::follow_presses, grip::publish_hovered, grip::move_target, pull::place_particle)
                         .chain()
                         .in_set(PickingSystems::PostHover)
                         .after(InputSystems),
@@ -68,8 +76,8 @@ impl Plugin for ParticleDragPlugin {
             .add_systems(
                 schedule,
                 (
-                    grip::pull_particle.before(MassSpringSystems::Gather),
-                    grip::remove_pull.after(MassSpringSystems::Scatter),
+                    pull::pull_particle.before(MassSpringSystems::Gather),
+                    pull::remove_pull.after(MassSpringSystems::Scatter),
                 ),
             );
     }
@@ -82,10 +90,14 @@ impl Plugin for ParticleDragPlugin {
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[non_exhaustive]
 pub struct ParticleDrag {
-    /// The particle under the pointer.
+    /// The particle under the pointer, or the net of which it is one.
     pub hovered: Option<Entity>,
-    /// The particle in the pointer's grip.
+    /// Its number in the net; `None` of a loose particle.
+    pub hovered_index: Option<u32>,
+    /// The particle in the pointer's grip, or the net of which it is one.
     pub dragged: Option<Entity>,
+    /// Its number in the net; `None` of a loose particle.
+    pub dragged_index: Option<u32>,
     /// The target of the dragged particle, in world space, m.
     pub target: Option<Vec3>,
     /// The camera through which the pointer sees the particle that is hovered or dragged.

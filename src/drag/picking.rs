@@ -1,34 +1,68 @@
-//! A picking backend for spheres: rays against particles, tiny ones enlarged to a few pixels.
+//! A picking backend: rays against particles, tiny ones enlarged to a few pixels, and the surfaces of nets.
 
 use bevy::camera::visibility::RenderLayers;
+use bevy::math::Vec3A;
+use bevy::math::bounding::{Aabb3d, BoundingVolume, IntersectsVolume, RayCast3d};
 use bevy::picking::backend::prelude::*;
+use bevy::picking::backend::ray::RayId;
+use bevy::picking::pointer::PointerId;
 use bevy::prelude::*;
 
 use super::ParticleDragSettings;
+use super::handle::Handle;
+use crate::nets::{NetHit, ParticleNet};
 use crate::particle::{Particle, Quarantined};
 
-/// Reports the one particle that each pointer is over.
+/// Which particles of nets pointers are over, found anew in each frame. Hits name the entity of the net only.
+#[derive(Resource, Default)]
+pub(super) struct NetPicks(Vec<(RayId, Entity, u32)>);
+
+impl NetPicks {
+    /// The particle of a net that a pointer is over, seen by a camera.
+    pub fn get(&self, pointer: PointerId, camera: Entity, net: Entity) -> Option<u32> {
+        let ray = RayId::new(camera, pointer);
+        self.0.iter().find(|(id, entity, _)| *id == ray && *entity == net).map(|(.., index)| *index)
+    }
+}
+
+/// Reports the one particle that each pointer is over; of a net, with the [`NetHit`] as extra data.
 pub(super) fn pick_particles(
     settings: Res<ParticleDragSettings>,
     rays: Res<RayMap>,
     cameras: Query<(&Camera, &GlobalTransform, Option<&RenderLayers>)>,
     particles: Query<(Entity, &Particle, &GlobalTransform, Option<&RenderLayers>), Without<Quarantined>>,
+    nets: Query<(Entity, &ParticleNet, Option<&RenderLayers>)>,
+    mut picks: ResMut<NetPicks>,
     mut hits: MessageWriter<PointerHits>,
 ) {
+    picks.0.clear();
     if !settings.enabled {
         return;
     }
-    for (id, &ray) in rays.iter() {
+    for (&id, &ray) in rays.iter() {
         let Ok((camera, camera_transform, camera_layers)) = cameras.get(id.camera) else { continue };
         let scale = PixelScale::new(camera, camera_transform);
-        let spheres = particles
+        let spheres = particles.iter().filter(|(.., layers)| sees(camera_layers, *layers)).map(
+            |(entity, particle, transform, _)| {
+                (Handle { entity, index: None }, transform.translation(), particle.radius)
+            },
+        );
+        let loose = nearest_hit(ray, spheres, &scale, settings.pick_radius);
+        let of_nets = nets
             .iter()
             .filter(|(.., layers)| sees(camera_layers, *layers))
-            .map(|(entity, particle, transform, _)| (entity, transform.translation(), particle.radius));
-        if let Some((entity, hit)) = nearest_hit(ray, spheres, &scale, settings.pick_radius) {
-            let data = HitData::new(id.camera, hit.depth, Some(ray.get_point(hit.depth)), None);
-            hits.write(PointerHits::new(id.pointer, vec![(entity, data)], camera.order as f32));
-        }
+            .filter_map(|(entity, net, _)| hit_net(ray, (entity, net), &scale, settings.pick_radius));
+        let Some((Handle { entity, index }, hit)) = of_nets.chain(loose).reduce(nearer) else { continue };
+        let point = ray.get_point(hit.depth);
+        let data = match index {
+            Some(particle) => {
+                picks.0.push((id, entity, particle));
+                let extra = NetHit { particle, triangle: hit.triangle, point, distance: hit.depth };
+                HitData::new_with_extra(id.camera, hit.depth, Some(point), None, extra)
+            }
+            None => HitData::new(id.camera, hit.depth, Some(point), None),
+        };
+        hits.write(PointerHits::new(id.pointer, vec![(entity, data)], camera.order as f32));
     }
 }
 
@@ -72,21 +106,52 @@ struct Hit {
     depth: f32,
     /// How far the ray passes outside the sphere, in pixels; 0 if it goes through.
     miss: f32,
+    /// The triangle of a net that it goes through.
+    triangle: Option<u32>,
 }
 
 /// Spheres that the ray goes through are preferred to those that are only near; then the nearest is taken.
 fn nearest_hit(
     ray: Ray3d,
-    spheres: impl Iterator<Item = (Entity, Vec3, f32)>,
+    spheres: impl Iterator<Item = (Handle, Vec3, f32)>,
     scale: &PixelScale,
     pick_radius: f32,
-) -> Option<(Entity, Hit)> {
-    let better = |a: &Hit, b: &Hit| (a.miss, a.depth) < (b.miss, b.depth);
+) -> Option<(Handle, Hit)> {
     spheres
-        .filter_map(|(entity, center, radius)| {
-            Some((entity, hit_sphere(ray, center, radius, scale.at(center), pick_radius)?))
+        .filter_map(|(handle, center, radius)| {
+            Some((handle, hit_sphere(ray, center, radius, scale.at(center), pick_radius)?))
         })
-        .reduce(|best, next| if better(&next.1, &best.1) { next } else { best })
+        .reduce(nearer)
+}
+
+fn nearer(best: (Handle, Hit), next: (Handle, Hit)) -> (Handle, Hit) {
+    let rank = |(_, hit): &(Handle, Hit)| (hit.miss, hit.depth);
+    if rank(&next) < rank(&best) { next } else { best }
+}
+
+/// Where a ray meets the particles or the surface of a net: the particle that is nearest to there.
+fn hit_net(
+    ray: Ray3d,
+    (entity, net): (Entity, &ParticleNet),
+    scale: &PixelScale,
+    pick_radius: f32,
+) -> Option<(Handle, Hit)> {
+    let is_present = |index: &u32| net.quarantined().binary_search(index).is_err();
+    let spheres = (0..).zip(net.positions()).filter(|(index, _)| is_present(index));
+    let spheres = spheres.map(|(index, center)| (Handle::of_net(entity, index), *center, net.radius()));
+    let sphere = nearest_hit(ray, spheres, scale, pick_radius);
+    let surface = || {
+        let bounds = Aabb3d::from_point_cloud(Isometry3d::IDENTITY, net.positions().iter().copied());
+        let bounds = Aabb3d::new(bounds.center(), bounds.half_size() + Vec3A::splat(net.radius()));
+        if !RayCast3d::from_ray(ray, f32::MAX).intersects(&bounds) {
+            return None;
+        }
+        let hit = net.cast_ray(ray.origin, ray.direction).filter(|hit| is_present(&hit.particle))?;
+        let NetHit { particle, triangle, distance, .. } = hit;
+        Some((Handle::of_net(entity, particle), Hit { depth: distance, miss: 0.0, triangle }))
+    };
+    let surface = if net.is_empty() { None } else { surface() };
+    sphere.into_iter().chain(surface).reduce(nearer)
 }
 
 fn hit_sphere(ray: Ray3d, center: Vec3, radius: f32, pixel: f32, pick_radius: f32) -> Option<Hit> {
@@ -100,7 +165,7 @@ fn hit_sphere(ray: Ray3d, center: Vec3, radius: f32, pixel: f32, pick_radius: f3
     // Half the chord that the ray cuts out of the sphere; none where it only passes near.
     let half_chord = (radius * radius - distance * distance).max(0.0).sqrt();
     let miss = if distance <= radius { 0.0 } else { (distance - radius) / pixel };
-    Some(Hit { depth: along - half_chord, miss })
+    Some(Hit { depth: along - half_chord, miss, triangle: None })
 }
 
 #[cfg(test)]
@@ -112,7 +177,7 @@ mod tests {
     #[test]
     fn a_ray_meets_the_near_side_of_a_sphere() {
         let hit = hit_sphere(FORWARD, Vec3::new(0.0, 0.0, -5.0), 1.0, 0.01, 10.0).unwrap();
-        assert_eq!(hit, Hit { depth: 4.0, miss: 0.0 });
+        assert_eq!(hit, Hit { depth: 4.0, miss: 0.0, triangle: None });
     }
 
     #[test]
@@ -127,7 +192,8 @@ mod tests {
 
     #[test]
     fn a_sphere_that_is_hit_is_preferred_to_a_nearer_one_that_is_missed() {
-        let [far, near] = [1, 2].map(|index| Entity::from_raw_u32(index).unwrap());
+        let [far, near] =
+            [1, 2].map(|index| Handle { entity: Entity::from_raw_u32(index).unwrap(), index: None });
         let spheres = [(near, Vec3::new(0.05, 0.0, -2.0), 0.01), (far, Vec3::new(0.0, 0.0, -5.0), 0.1)];
         let scale = PixelScale {
             view_from_world: Mat4::IDENTITY,

@@ -158,8 +158,8 @@ impl Balloon {
 
     /// The same from a closed mesh, if the shape is that; other balloons ignore it.
     ///
-    /// # Errors
-    /// As [`topology`](Self::topology); and if the mesh is empty, broken, degenerate, not manifold, open or inside out.
+    /// # Errors As [`topology`](Self::topology); and if the mesh is empty, broken, degenerate, not manifold, open or
+    /// inside out.
     pub fn topology_with(&self, mesh: &TriangleMesh) -> Result<Topology, NetError> {
         if !self.needs_mesh() {
             return self.topology();

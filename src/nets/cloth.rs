@@ -11,9 +11,9 @@ use crate::parameter;
 ///
 /// Shape, spacing and cells act when the component is inserted; the material, the radius and the limit also later.
 ///
-/// Particle (i, j) of a sheet, at `corner` + i/nx `width` + j/ny `height`, is number j (nx + 1) + i. It is woven of springs
-/// along the grid and both diagonals of each cell, in such a way that its stiffnesses are those of its material at every
-/// resolution; cells that are nearly square serve best.
+/// Particle (i, j) of a sheet, at `corner` + i/nx `width` + j/ny `height`, is number j (nx + 1) + i. It is woven of
+/// springs along the grid and both diagonals of each cell, in such a way that its stiffnesses are those of its
+/// material at every resolution; cells that are nearly square serve best.
 ///
 /// Particles of a cloth from a mesh are the places of its vertices, in their order: vertices in the same place are one
 /// particle. Springs along the edges make a sheet of the stretch stiffness K in all directions, as well as springs can
@@ -25,7 +25,8 @@ use crate::parameter;
 pub struct Cloth {
     /// Topology: where it is laid out.
     pub shape: ClothShape,
-    /// Topology, of sheets: the numbers of cells along width and height; `None`, the default: as many as `spacing` says.
+    /// Topology, of sheets: the numbers of cells along width and height; `None`, the default: as many as `spacing`
+    /// says.
     pub cells: Option<UVec2>,
     /// Topology, of sheets: the greatest length of the sides of a cell where `cells` is `None`, m, > 0. Default 0.05.
     pub spacing: f32,
@@ -37,6 +38,8 @@ pub struct Cloth {
     pub max_stretch: Option<f32>,
     /// The coefficients of the air's forces on its area.
     pub air: Air,
+    /// Whether its particles collide with each other, where particles collide at all. Default true.
+    pub self_collision: bool,
 }
 
 /// Where a cloth is laid out.
@@ -78,6 +81,7 @@ impl Default for Cloth {
             material: ClothMaterial::default(),
             max_stretch: None,
             air: Air::default(),
+            self_collision: true,
         }
     }
 }
@@ -222,6 +226,7 @@ impl Cloth {
     }
 
     fn finish(&self, topology: Topology) -> Result<Topology, NetError> {
-        Topology { radius: self.radius, air: self.air, ..topology }.checked()
+        let ignores_itself = !self.self_collision;
+        Topology { radius: self.radius, air: self.air, ignores_itself, ..topology }.checked()
     }
 }

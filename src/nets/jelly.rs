@@ -12,9 +12,9 @@ use crate::parameter;
 ///
 /// Shape, spacing and cells act when the component is inserted; the material, the radius and the limit also later.
 ///
-/// Particle (i, j, k) of a box is number (k (ny + 1) + j) (nx + 1) + i. Springs along the edges of cells and the diagonals
-/// of their faces make an isotropic solid with the Young's modulus of the material and Poisson's ratio 1/4; cells that
-/// are nearly cubes serve best. A mesh is filled with cubes, in which its vertices hang.
+/// Particle (i, j, k) of a box is number (k (ny + 1) + j) (nx + 1) + i. Springs along the edges of cells and the
+/// diagonals of their faces make an isotropic solid with the Young's modulus of the material and Poisson's ratio
+/// 1/4; cells that are nearly cubes serve best. A mesh is filled with cubes, in which its vertices hang.
 #[derive(Component, Reflect, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
@@ -24,8 +24,8 @@ pub struct Jelly {
     pub shape: JellyShape,
     /// Topology, of boxes: the numbers of cells along X, Y and Z; `None`, the default: as many as `spacing` says.
     pub cells: Option<UVec3>,
-    /// Topology: the side of the cubes that fill a mesh; of boxes the greatest side of a cell where `cells` is `None`. m, > 0.
-    /// Default 0.2.
+    /// Topology: the side of the cubes that fill a mesh; of boxes the greatest side of a cell where `cells` is
+    /// `None`. m, > 0. Default 0.2.
     pub spacing: f32,
     /// The radius of its particles in collisions, m, >= 0. Default 0.01.
     pub radius: f32,
@@ -162,9 +162,8 @@ impl Jelly {
 
     /// The same with a detailed mesh that hangs in it. A jelly that fills its mesh is made from it; a box carries any.
     ///
-    /// # Errors
-    /// As [`topology`](Self::topology); and if the mesh is empty, broken or degenerate, or, to be filled, is not manifold, open
-    /// or inside out.
+    /// # Errors As [`topology`](Self::topology); and if the mesh is empty, broken or degenerate, or, to be filled,
+    /// is not manifold, open or inside out.
     pub fn topology_with(&self, mesh: &TriangleMesh) -> Result<Topology, NetError> {
         let welded = mesh.weld()?;
         let (solid, topology) = match self.needs_mesh() {

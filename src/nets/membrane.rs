@@ -15,22 +15,22 @@ pub(super) struct Skin {
     pub bending_stiffness: f32,
 }
 
-/// The net of a mesh: a spring along each edge and, if it resists bending, a bend about each edge of two triangles. Each
-/// particle has a third of the mass of the triangles around it.
+/// The net of a mesh: a spring along each edge and, if it resists bending, a bend about each edge of two triangles.
+/// Each particle has a third of the mass of the triangles around it.
 ///
 /// **Stretch** (Van Gelder, *Approximate simulation of elastic membranes by triangulated spring meshes*, 1998): a
-/// spring along an edge of length l has k = K Σ A / l², of the areas A of its triangles. Of equilateral triangles three
-/// directions n with k = K A / l² each make C₁₁ = 9/8 K and C₁₂ = C₆₆ = 3/8 K, which is the isotropic sheet with
-/// Poisson's ratio 1/3 that shows K, exactly (Lloyd, Székely and Harders, *Identification of spring parameters for
-/// deformable object simulation*, 2007). No springs along the edges of a mesh of other triangles do so; those of
+/// spring along an edge of length l has k = K Σ A / l², of the areas A of its triangles. Of equilateral triangles
+/// three directions n with k = K A / l² each make C₁₁ = 9/8 K and C₁₂ = C₆₆ = 3/8 K, which is the isotropic sheet
+/// with Poisson's ratio 1/3 that shows K, exactly (Lloyd, Székely and Harders, *Identification of spring parameters
+/// for deformable object simulation*, 2007). No springs along the edges of a mesh of other triangles do so; those of
 /// right-angled ones with diagonals both ways are stiffer by a fifth along the legs.
 ///
-/// **Bending** (Bergou, Wardetzky, Harmon, Zorin and Grinspun, *A quadratic bending model for inextensible surfaces*, 2006): the
-/// bend about an edge e has the vector s = Σ cᵢ xᵢ, which is the sum of the normals of the edge in the planes of its
-/// two triangles, each as long as the edge: ‖s‖ = ‖e‖ · 2 sin(θ/2) for the dihedral angle θ. With the energy
-/// ½ k ‖s‖², k = c D / (A₀ + A₁), a mesh of equilateral triangles under the curvatures κ₁ = H + d and κ₂ = H − d has
-/// ½ c D · 4/3 (H² + 2 d²) per area. A strip with free sides takes the κ₂ of least energy, d = κ₁/3, and has
-/// ½ c D · 8/9 κ₁²: c = 9/8. Meshes that are curved at rest keep ‖s‖ at rest.
+/// **Bending** (Bergou, Wardetzky, Harmon, Zorin and Grinspun, *A quadratic bending model for inextensible
+/// surfaces*, 2006): the bend about an edge e has the vector s = Σ cᵢ xᵢ, which is the sum of the normals of the
+/// edge in the planes of its two triangles, each as long as the edge: ‖s‖ = ‖e‖ · 2 sin(θ/2) for the dihedral angle
+/// θ. With the energy ½ k ‖s‖², k = c D / (A₀ + A₁), a mesh of equilateral triangles under the curvatures κ₁ = H + d
+/// and κ₂ = H − d has ½ c D · 4/3 (H² + 2 d²) per area. A strip with free sides takes the κ₂ of least energy, d =
+/// κ₁/3, and has ½ c D · 8/9 κ₁²: c = 9/8. Meshes that are curved at rest keep ‖s‖ at rest.
 pub(super) fn topology(mesh: &Welded, skin: &Skin, weave: &Weave) -> Topology {
     let areas: Vec<f64> = mesh.triangles.iter().map(|corners| area(places(mesh, *corners))).collect();
     let mut masses = vec![0.0; mesh.positions.len()];
@@ -94,8 +94,8 @@ fn hinge(mesh: &Welded, sides: [&Side; 2], stiffness: f64, weave: &Weave) -> ([u
     (ends, Bend { rest_length, stiffness: stiffness as f32, damping, weights })
 }
 
-/// The weights as multiples of a power of two so large that their sum is 0 without rounding: a bend far from the origin
-/// exerts no force.
+/// The weights as multiples of a power of two so large that their sum is 0 without rounding: a bend far from the
+/// origin exerts no force.
 fn rounded(weights: [f64; 4]) -> [f32; 4] {
     let largest = weights.iter().fold(0.0_f64, |largest, weight| largest.max(weight.abs()));
     const EXPONENT: u64 = 0x7ff0_0000_0000_0000;

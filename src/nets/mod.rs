@@ -3,36 +3,65 @@
 //! A recipe becomes a [`Topology`], a pure value; [`ParticleNet`] is the
 //! state of one net that is laid out by it.
 
+mod attachment;
 mod balloon;
+#[cfg(feature = "render")]
+mod bevy_mesh;
+mod breaking;
 mod cloth;
 mod error;
 mod icosphere;
 mod inside;
 mod jelly;
 mod lattice;
+mod laying;
 mod material;
+mod measures;
 mod membrane;
 mod moduli;
 mod net;
+mod part;
 mod path;
 mod places;
+mod pose;
+mod queries;
 mod rope;
 mod sheet;
 mod solid;
+mod spool;
+mod tear;
 mod topology;
 mod triangle_mesh;
+mod validation;
 mod weld;
+mod winch;
 
+pub use attachment::Attachment;
+pub(crate) use attachment::Tied;
 pub use balloon::{Balloon, BalloonShape};
+#[cfg(feature = "render")]
+pub use bevy_mesh::ATTRIBUTE_PIN;
+pub use breaking::Breaking;
+pub(crate) use breaking::Damage;
 pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
+pub use laying::RecipeMesh;
+pub(crate) use laying::build;
 pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
+pub(crate) use net::Arrays;
 pub use net::ParticleNet;
+pub use part::{Part, PartOf, PartState, Parts};
 pub use places::{Corner, Side};
+pub(crate) use pose::NetPose;
+pub use queries::NetHit;
 pub use rope::Rope;
+pub use spool::Spool;
+pub use tear::{Rupture, Split, Tear, pieces, tear};
 pub use topology::{Air, Layout, MeshBinding, Topology};
 pub use triangle_mesh::{MeshVertex, TriangleMesh};
+pub use validation::InvalidTopology;
+pub use winch::Winch;
 
 /// The number of cells of at most `spacing` along `length`, m. A length that is a multiple of the spacing but for its
 /// rounding is one.

@@ -28,6 +28,33 @@ pub(super) fn divide(points: &[Vec3], segments: u32, is_closed: bool) -> Result<
     Ok(((0..count).map(place).collect(), total))
 }
 
+/// A parabola from one place to another that is `slack` longer than the straight line, in parts of it, and hangs
+/// towards −Y: near the catenary. Ends above each other have it hang towards X.
+pub(super) fn sagging(start: Vec3, end: Vec3, slack: f32) -> Vec<Vec3> {
+    const CHORDS: u16 = 256;
+    let [start, end] = [start.as_dvec3(), end.as_dvec3()];
+    let chord = end - start;
+    let down = match DVec3::NEG_Y.reject_from_normalized(chord.normalize_or(DVec3::X)) {
+        down if down.length() > 1e-3 => down.normalize(),
+        _ => DVec3::X,
+    };
+    let place = |sag: f64, index: u16| {
+        let along = f64::from(index) / f64::from(CHORDS);
+        start + along * chord + 4.0 * sag * along * (1.0 - along) * down
+    };
+    let length = |sag: f64| -> f64 {
+        (0..CHORDS).map(|index| place(sag, index).distance(place(sag, index + 1))).sum()
+    };
+    let target = chord.length() * (1.0 + f64::from(slack));
+    // Twice the sag is less than the length, which grows with it.
+    let (mut low, mut high) = (0.0, 0.5 * target);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if length(middle) < target { low = middle } else { high = middle }
+    }
+    (0..=CHORDS).map(|index| place(low, index).as_vec3()).collect()
+}
+
 /// The length of a line up to each of its points, m.
 ///
 /// # Errors
@@ -71,6 +98,18 @@ mod tests {
         let (places, length) = divide(&points, 8, true).expect("a line");
         assert_eq!((places.len(), length), (8, 4.0));
         assert_eq!(places[7], Vec3::new(0.0, 0.5, 0.0));
+    }
+
+    #[test]
+    fn slack_is_the_length_beyond_the_chord() {
+        for end in [Vec3::X, Vec3::new(1.0, 0.7, -0.3), Vec3::Y] {
+            for slack in [1e-3, 0.2, 4.0] {
+                let lengths = measure(&sagging(Vec3::ZERO, end, slack), false).expect("a line");
+                let found = lengths.last().expect("a length") / f64::from(end.length()) - 1.0;
+                // Chords of 1/256 are rounded to 1e-7 of a metre.
+                assert!((found - f64::from(slack)).abs() < 3e-5, "{end} {slack}: {found}");
+            }
+        }
     }
 
     #[test]

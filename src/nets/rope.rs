@@ -3,15 +3,16 @@
 use bevy::math::Curve;
 use bevy::prelude::*;
 
-use super::path::{divide, measure};
+use super::path::{divide, measure, sagging};
 use super::{Air, Layout, NetError, RopeMaterial, Topology};
 use crate::parameter;
 use crate::solver::{Bend, Spring};
 
 /// A rope, chain, cable or rod: particles in a row, joined by springs, stiff against bending if its material is.
 ///
-/// Particle 0 is its start, and the others follow along its path. Each has the mass of the rope next to it. The path and the
-/// number of segments act when the component is inserted; the material, the radius and the limits also later.
+/// Particle 0 is its start, and the others follow along its path. Each has the mass of the rope next to it. The path
+/// and the number of segments act when the component is inserted; the material, the radius and the limits also
+/// later.
 ///
 /// A spring of a segment of length h has k = EA / h; with n of them in a row a rope of length l = n h lengthens by
 /// n F / k = F l / EA. At each particle between two segments there is a bend ½ k ‖x₀ − 2 x₁ + x₂‖²: the second
@@ -22,8 +23,8 @@ use crate::solver::{Bend, Spring};
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct Rope {
-    /// Topology: the line along which it is laid out, corner by corner, m; its length is that of the rope. Default: 1 m
-    /// straight down.
+    /// Topology: the line along which it is laid out, corner by corner, m; its length is that of the rope. Default:
+    /// 1 m straight down.
     pub path: Vec<Vec3>,
     /// Topology: whether its end is joined to its start. Default false.
     pub is_closed: bool,
@@ -92,6 +93,11 @@ impl Rope {
     /// A straight rope from one place to another, m.
     pub fn between(start: Vec3, end: Vec3) -> Self {
         Self { path: vec![start, end], ..Self::default() }
+    }
+
+    /// A rope that hangs between two places, m, longer than their distance by `slack` of it (0.1: by a tenth).
+    pub fn hanging(start: Vec3, end: Vec3, slack: f32) -> Self {
+        Self { path: sagging(start, end, slack), ..Self::default() }
     }
 
     /// A rope along a curve, as Bevy's [`CubicCurve`] is one. Its length is that of 1024 chords of equal parts of the

@@ -112,8 +112,8 @@ fn bends(counts: [u32; 2], [a, b]: [f64; 2], material: &ClothMaterial) -> (Rods,
     (rods, hinges)
 }
 
-/// Two triangles a cell, counter-clockwise seen against width × height. Their diagonals alternate as on a chequerboard,
-/// so that the air and the light prefer no diagonal of the cloth.
+/// Two triangles a cell, counter-clockwise seen against width × height. Their diagonals alternate as on a
+/// chequerboard, so that the air and the light prefer no diagonal of the cloth.
 fn triangles([nx, ny]: [u32; 2]) -> Vec<[u32; 3]> {
     let of = |i, j| number([i, j, 0], [nx, ny, 0]);
     let cell = |i: u32, j: u32| {

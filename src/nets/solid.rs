@@ -110,8 +110,8 @@ impl Solid {
         }
     }
 
-    /// The net of cubes that are filled in part: each has its share of springs and mass by that part. The mass in all is
-    /// that of `volume`, m³.
+    /// The net of cubes that are filled in part: each has its share of springs and mass by that part. The mass in
+    /// all is that of `volume`, m³.
     ///
     /// Edges and diagonals of whole cubes of side h have k = 2/5 E h, shared by 4 and by 2 cubes: see
     /// [`moduli`](super::moduli).

@@ -10,6 +10,7 @@ use crate::solver::{Bend, Spring};
 
 /// The particles of a net at rest, and what joins them. Particles are known by their numbers, for life.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Topology {
     /// The places of the particles at rest, m, in the frame of the recipe.
     pub positions: Vec<Vec3>,
@@ -33,6 +34,9 @@ pub struct Topology {
     pub air: Air,
     /// The pressure of the gas inside at the rest volume, Pa above the surroundings. `None`: it encloses none.
     pub pressure: Option<f32>,
+    /// Whether its particles do not collide with each other.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub ignores_itself: bool,
     /// How the vertices of the user's mesh hang on the particles; `None` if there is no such mesh.
     pub binding: Option<MeshBinding>,
 }
@@ -61,6 +65,7 @@ fn check(what: &'static str, values: impl Iterator<Item = (f32, bool)>) -> Resul
 
 /// How the particles of a net are arranged.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub enum Layout {
     /// In no way that is known.
     #[default]
@@ -116,6 +121,7 @@ impl Default for Air {
 
 /// How the vertices of a mesh hang on the particles of a net.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub enum MeshBinding {
     /// Vertex v is at particle `self[v]`: vertices in the same place share one.
     Welded(Vec<u32>),

@@ -4,8 +4,8 @@ use bevy::math::Vec3;
 
 /// A triangle mesh: what a cloth, jelly or balloon is made from.
 ///
-/// Vertices may lie in the same place, as they do along the seams of texture coordinates and at hard edges: they become one
-/// particle.
+/// Vertices may lie in the same place, as they do along the seams of texture coordinates and at hard edges: they
+/// become one particle.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TriangleMesh {
     /// The places of the vertices, m.

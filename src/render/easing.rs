@@ -18,6 +18,14 @@ pub(crate) struct NetEasing {
     ended: Option<Tick>,
 }
 
+impl NetEasing {
+    /// Whether there is a way to show to a net that was last changed then: not of ticks that it was not changed in, and what
+    /// was changed after the last tick was put there.
+    fn shows(&self, changed: Tick) -> bool {
+        self.copied != Some(changed) && self.ended == Some(changed)
+    }
+}
+
 /// The positions of a net in a frame: from `start` to `end`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NetView<'a> {
@@ -50,11 +58,22 @@ pub(super) fn view<'a>(
     fraction: f32,
 ) -> (NetView<'a>, NetVersion) {
     let changed = net.last_changed();
-    // Ticks that the net was not changed in have no way to show. What was changed after the last tick was put there.
-    let is_eased = |easing: &&NetEasing| easing.copied != Some(changed) && easing.ended == Some(changed);
-    let start = easing.filter(is_eased).map(|easing| easing.start.as_slice());
+    let start = easing.filter(|easing| easing.shows(changed)).map(|easing| easing.start.as_slice());
     let fraction = if start.is_some() { fraction.clamp(0.0, 1.0) } else { 1.0 };
     (NetView { start, end: net.positions(), fraction }, NetVersion { changed, fraction })
+}
+
+/// Where the particles of a net come from in a frame, and the part of the way that lies behind; `None`: all are seen where
+/// they are. For what else is drawn at a net.
+#[cfg(feature = "gizmos")]
+pub(crate) fn way<'a>(
+    net: &Ref<ParticleNet>,
+    easing: Option<&'a NetEasing>,
+    time: Option<&Time<Fixed>>,
+) -> Option<(&'a [Vec3], f32)> {
+    let changed = net.last_changed();
+    let easing = easing.filter(|easing| easing.shows(changed))?;
+    Some((&easing.start, fraction(time).clamp(0.0, 1.0)))
 }
 
 /// The part of the way between the last two ticks at which frames are drawn.

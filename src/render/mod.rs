@@ -8,6 +8,8 @@
 //! | [`RopeLinks`] | a copy of an entity for each link of a rope |
 //! | [`NetSkin`] | a fine mesh, on an entity of its own, that the surface of a coarse net moves |
 //!
+//! Recipes that are made from a mesh get that of their entity as their [`RecipeMesh`](crate::nets::RecipeMesh).
+//!
 //! They read components only. Between ticks they show the way from the last tick but one to the last, as Bevy's fixed
 //! time steps have it, where [`MassSpringInterpolationPlugin`](crate::MassSpringInterpolationPlugin) acts (feature
 //! `interpolation`). The `Aabb` of what they draw encloses all vertices in every frame; vertices are computed only
@@ -22,6 +24,7 @@ mod generated;
 mod links;
 mod net_mesh;
 mod own_mesh;
+mod recipe_mesh;
 mod rope_mesh;
 mod skin;
 mod strands;
@@ -83,6 +86,14 @@ impl Plugin for MassSpringRenderPlugin {
                     (links::prepare_links, links::place_links).chain().in_set(NetRenderSystems::Prepare),
                     drawing::bound_nets.in_set(NetRenderSystems::Bound),
                 ),
+            )
+            .init_resource::<recipe_mesh::ReadMeshes>()
+            .add_systems(PostStartup, recipe_mesh::read_meshes.run_if(resource_exists::<Assets<Mesh>>))
+            .add_systems(
+                PostUpdate,
+                recipe_mesh::read_meshes
+                    .before(NetRenderSystems::Prepare)
+                    .run_if(resource_exists::<Assets<Mesh>>),
             )
             .add_systems(
                 Last,

@@ -11,7 +11,10 @@ use crate::settings::{Integrator, SolverSettings, SubstepMode};
 
 use super::nets::SceneNet;
 
-/// The content of a scene file: settings, particles, springs and planes.
+/// The content of a scene file: settings, particles, nets, springs, bends and planes.
+///
+/// Springs and bends refer to particles by their index: in the list, and beyond it among those of the nets, net after net,
+/// each in its order.
 ///
 /// [`from_ron`](Self::from_ron) and [`read`](Self::read) refuse bad values; a scene that was put
 /// together in code is checked by [`validate`](Self::validate).
@@ -27,11 +30,14 @@ pub struct MassSpringScene {
     /// Which collisions act, and how particles rebound from each other. Optional in the file.
     #[serde(default)]
     pub collisions: CollisionSettings,
-    /// The particles. Springs refer to them by their index in this list.
+    /// The particles that belong to no net.
     pub particles: Vec<SceneParticle>,
     /// The springs. Optional in the file.
     #[serde(default)]
     pub springs: Vec<SceneSpring>,
+    /// The bends. Optional in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bends: Vec<SceneBend>,
     /// The nets. Optional in the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nets: Vec<SceneNet>,
@@ -89,7 +95,7 @@ pub struct SceneParticle {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Spring", deny_unknown_fields)]
 pub struct SceneSpring {
-    /// The two ends: different indices into [`MassSpringScene::particles`].
+    /// The two ends: different indices into [`MassSpringScene::particles`], or beyond them into those of the nets.
     pub particles: (usize, usize),
     /// The length in m at which it exerts no force, finite and >= 0. Omitted: the initial distance of
     /// the two ends.
@@ -109,6 +115,19 @@ pub struct SceneSpring {
     /// The tension in N beyond which it breaks, finite and >= 0. Default none: it never does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaking_force: Option<f32>,
+}
+
+/// One bend: the energy ½ k ‖x_a − 2 x_b + x_c‖².
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Bend", deny_unknown_fields)]
+pub struct SceneBend {
+    /// a, b and c: different indices, as of the ends of springs. It resists the bend at b.
+    pub particles: (usize, usize, usize),
+    /// Stiffness k in N/m, finite and >= 0.
+    pub stiffness: f32,
+    /// Damping in N·s/m, finite and >= 0. Default 0.
+    #[serde(default)]
+    pub damping: f32,
 }
 
 fn is_false(value: &bool) -> bool {
@@ -138,18 +157,5 @@ impl ScenePlane {
     /// In f64, where no f32 vector is too short or too long to be normalised.
     pub fn unit_normal(&self) -> Option<DVec3> {
         self.normal.as_dvec3().try_normalize()
-    }
-}
-
-impl MassSpringScene {
-    /// The rest length of `spring` in m: its own, or the initial distance of its two ends.
-    ///
-    /// `None` if it has none and an end does not exist.
-    pub fn rest_length(&self, spring: &SceneSpring) -> Option<f32> {
-        spring.rest_length.or_else(|| {
-            let first = self.particles.get(spring.particles.0)?.position.as_dvec3();
-            let second = self.particles.get(spring.particles.1)?.position.as_dvec3();
-            Some(first.distance(second) as f32)
-        })
     }
 }

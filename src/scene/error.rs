@@ -3,6 +3,8 @@
 use std::fmt;
 use std::io;
 
+use crate::nets::NetError;
+
 /// A scene that is refused: where and why.
 ///
 /// Prints as `chain.scene.ron:12:40: particles[3].mass is -1.0, expected a finite number > 0`.
@@ -54,6 +56,15 @@ pub enum SceneErrorReason {
         value: String,
         /// What would have been accepted.
         expected: String,
+    },
+    /// A net whose values are in their ranges, but cannot be laid out together.
+    #[error("{field} cannot be laid out: {source}")]
+    Net {
+        /// The net, such as `nets[3]`.
+        field: String,
+        /// Why.
+        #[source]
+        source: NetError,
     },
 }
 

@@ -1,10 +1,11 @@
-//! Scene files: particles, springs, planes and settings as RON text, `*.scene.ron`.
+//! Scene files: particles, springs, bends, nets, planes and settings as RON text, `*.scene.ron`.
 //!
 //! [`MassSpringScene`] is the file's content. It is read with [`MassSpringScene::read`] or
 //! [`MassSpringScene::from_ron`], which refuse bad values with a [`SceneError`] that says where they
 //! stand; or it is loaded as a Bevy asset and spawned by a [`MassSpringSceneRoot`]. Either way it
-//! becomes ordinary entities with [`Particle`](crate::Particle), [`Spring`](crate::Spring) and
-//! [`PlaneCollider`](crate::PlaneCollider): this module is independent of the solver.
+//! becomes ordinary entities with [`Particle`](crate::Particle), [`Spring`](crate::Spring),
+//! [`PlaneCollider`](crate::PlaneCollider) and [`ParticleNet`](crate::ParticleNet): this module is independent of the
+//! solver.
 //!
 //! ```
 //! use bevy::prelude::*;
@@ -34,11 +35,13 @@ mod description;
 mod error;
 mod nets;
 mod reader;
+mod recipes;
 mod spawn;
 mod validate;
 
 pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
-pub use description::{MassSpringScene, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
+pub use description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
 pub use nets::SceneNet;
+pub use recipes::SceneLayout;
 pub use spawn::SpawnedScene;

@@ -17,7 +17,7 @@ pub enum SceneNet {
         to: Vec3,
         /// The number of springs, >= 1.
         segments: u32,
-        /// Half of its thickness, m, >= 0. Default 0: it does not collide with ropes.
+        /// Half of its thickness, m, >= 0. Default 0: it collides with planes only.
         #[serde(default)]
         radius: f32,
         /// Its mass by length, kg/m, > 0.
@@ -83,7 +83,7 @@ pub enum SceneNet {
         /// The coefficient of its lift, >= 0. Default 0.
         #[serde(default)]
         lift_coefficient: f32,
-        /// Whether it collides with itself, where particles collide at all. Default true.
+        /// Whether its particles collide with each other, where particles collide at all. Default true.
         #[serde(default = "yes")]
         self_collision: bool,
     },
@@ -165,6 +165,11 @@ fn cells(count: &[u32], value: impl std::fmt::Debug) -> Result<(), InvalidParame
     Ok(())
 }
 
+/// The number of corners of so many cells along each axis.
+fn lattice(cells: &[u32]) -> usize {
+    cells.iter().fold(1, |product: usize, cells| product.saturating_mul(*cells as usize + 1))
+}
+
 fn optional(field: &'static str, value: Option<f32>) -> Result<(), InvalidParameter> {
     value.map_or(Ok(()), |value| parameter::non_negative(field, value))
 }
@@ -174,8 +179,8 @@ impl SceneNet {
     pub fn particle_count(&self) -> usize {
         match *self {
             Self::Rope { segments, .. } => segments as usize + 1,
-            Self::Cloth { cells: (x, y), .. } => (x as usize + 1) * (y as usize + 1),
-            Self::Jelly { cells: (x, y, z), .. } => (x as usize + 1) * (y as usize + 1) * (z as usize + 1),
+            Self::Cloth { cells: (x, y), .. } => lattice(&[x, y]),
+            Self::Jelly { cells: (x, y, z), .. } => lattice(&[x, y, z]),
             Self::Balloon { subdivisions, .. } => 10 * 4_usize.pow(subdivisions.min(MAX_SUBDIVISIONS)) + 2,
         }
     }

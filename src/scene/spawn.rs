@@ -1,12 +1,17 @@
 //! From a scene to entities and resources.
 
+use std::collections::BTreeMap;
+
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::math::{DQuat, DVec3};
 use bevy::prelude::*;
 
-use super::description::{MassSpringScene, ScenePlane};
+use super::description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSpring};
+use super::recipes::SceneLayout;
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
+use crate::nets::{Part, PartOf};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::SolverSettings;
 use crate::spring::Spring;
@@ -24,14 +29,20 @@ pub struct SpawnedScene {
     pub particles: Vec<Entity>,
     /// The springs.
     pub springs: Vec<Entity>,
+    /// The bends.
+    pub bends: Vec<Entity>,
     /// The planes.
     pub planes: Vec<Entity>,
+    /// The nets.
+    #[serde(default)]
+    pub nets: Vec<Entity>,
 }
 
 impl SpawnedScene {
-    /// All entities: particles, springs, planes.
+    /// All entities: particles, nets, springs, bends, planes.
     pub fn iter(&self) -> impl Iterator<Item = Entity> + '_ {
-        self.particles.iter().chain(&self.springs).chain(&self.planes).copied()
+        let loose = self.particles.iter().chain(&self.nets);
+        loose.chain(&self.springs).chain(&self.bends).chain(&self.planes).copied()
     }
 }
 
@@ -51,47 +62,43 @@ fn despawn_owned(mut world: DeferredWorld, context: HookContext) {
 }
 
 impl MassSpringScene {
-    /// Spawns particles, springs and planes as ordinary entities in world space. The settings of the
+    /// Spawns particles, nets, springs, bends and planes as ordinary entities in world space. The settings of the
     /// scene are left to [`apply_settings`](Self::apply_settings).
     ///
-    /// In a scene that was not [validated](Self::validate), a spring to a particle that is not there
-    /// gets [`Entity::PLACEHOLDER`] as that end, which the simulation leaves out with a warning.
+    /// A net has its recipe ([`Rope`](crate::Rope), [`Cloth`](crate::Cloth), [`Jelly`](crate::Jelly) or
+    /// [`Balloon`](crate::Balloon)) and its [`ParticleNet`](crate::ParticleNet), complete; a particle of it at which a
+    /// spring or bend of the list ends has a [`Part`].
+    ///
+    /// In a scene that was not [validated](Self::validate), a spring or bend to a particle that is not there
+    /// gets [`Entity::PLACEHOLDER`] as that end, which the simulation leaves out with a warning; a net that cannot be
+    /// laid out has a recipe only.
     pub fn spawn(&self, commands: &mut Commands) -> SpawnedScene {
-        let particles: Vec<Entity> = self
-            .particles
-            .iter()
-            .map(|particle| {
-                let mut entity = commands.spawn((
-                    Particle::new(particle.mass, particle.radius),
-                    ParticleVelocity(particle.velocity),
-                    Transform::from_translation(particle.position),
-                ));
-                if particle.pinned {
-                    entity.insert(Pinned);
-                }
-                entity.id()
-            })
-            .collect();
-        let end = |index: usize| particles.get(index).copied().unwrap_or(Entity::PLACEHOLDER);
-        let springs = self
-            .springs
-            .iter()
-            .map(|spring| {
-                let component = Spring {
-                    particles: [end(spring.particles.0), end(spring.particles.1)],
-                    rest_length: self.rest_length(spring).unwrap_or_default(),
-                    stiffness: spring.stiffness,
-                    damping: spring.damping,
-                    tension_only: spring.tension_only,
-                    max_stretch: spring.max_stretch,
-                    breaking_force: spring.breaking_force,
-                    plasticity: None,
-                };
-                commands.spawn(component).id()
-            })
-            .collect();
+        let particles: Vec<Entity> = self.particles.iter().map(|particle| particle.spawn(commands)).collect();
+        let mut positions: Vec<Vec3> = self.particles.iter().map(|particle| particle.position).collect();
+        let mut nets = Vec::with_capacity(self.nets.len());
+        for net in &self.nets {
+            let topology = net.topology().ok();
+            match &topology {
+                Some(topology) => positions.extend(&topology.positions),
+                None => positions.resize(positions.len() + net.particle_count(), Vec3::ZERO),
+            }
+            nets.push(net.spawn(topology, commands));
+        }
+        let layout = SceneLayout { positions, ..SceneLayout::default() };
+        let mut ends = Ends { scene: self, particles: &particles, nets: &nets, parts: BTreeMap::new() };
+        let springs = self.springs.iter().map(|spring| {
+            let particles = <[usize; 2]>::from(spring.particles).map(|end| ends.get(end, commands));
+            let rest_length = layout.rest_length(spring).unwrap_or_default();
+            commands.spawn(spring.component(particles, rest_length)).id()
+        });
+        let springs = springs.collect();
+        let bends = self.bends.iter().map(|&SceneBend { particles, stiffness, damping }| {
+            let particles = <[usize; 3]>::from(particles).map(|end| ends.get(end, commands));
+            commands.spawn(Bend { particles, stiffness, damping }).id()
+        });
+        let bends = bends.collect();
         let planes = self.planes.iter().map(|plane| commands.spawn(plane.bundle()).id()).collect();
-        SpawnedScene { particles, springs, planes }
+        SpawnedScene { particles, springs, bends, planes, nets }
     }
 
     /// Sets [`Environment`](crate::Environment), [`SolverSettings`] and
@@ -112,6 +119,55 @@ impl MassSpringScene {
         let mut virtual_time = world.get_resource_or_init::<Time<Virtual>>();
         if virtual_time.max_delta() < tick {
             virtual_time.set_max_delta(tick);
+        }
+    }
+}
+
+/// The entities at which springs and bends end.
+struct Ends<'a> {
+    scene: &'a MassSpringScene,
+    particles: &'a [Entity],
+    nets: &'a [Entity],
+    /// Those of particles of nets, by their index in the scene.
+    parts: BTreeMap<usize, Entity>,
+}
+
+impl Ends<'_> {
+    fn get(&mut self, index: usize, commands: &mut Commands) -> Entity {
+        if let Some(particle) = self.particles.get(index) {
+            return *particle;
+        }
+        let Some((net, number)) = self.scene.net_of(index) else { return Entity::PLACEHOLDER };
+        let spawn = || commands.spawn((PartOf(self.nets[net]), Part::Particle(number))).id();
+        *self.parts.entry(index).or_insert_with(spawn)
+    }
+}
+
+impl SceneParticle {
+    fn spawn(&self, commands: &mut Commands) -> Entity {
+        let mut entity = commands.spawn((
+            Particle::new(self.mass, self.radius),
+            ParticleVelocity(self.velocity),
+            Transform::from_translation(self.position),
+        ));
+        if self.pinned {
+            entity.insert(Pinned);
+        }
+        entity.id()
+    }
+}
+
+impl SceneSpring {
+    fn component(&self, particles: [Entity; 2], rest_length: f32) -> Spring {
+        Spring {
+            particles,
+            rest_length,
+            stiffness: self.stiffness,
+            damping: self.damping,
+            tension_only: self.tension_only,
+            max_stretch: self.max_stretch,
+            breaking_force: self.breaking_force,
+            plasticity: None,
         }
     }
 }

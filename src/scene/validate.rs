@@ -3,8 +3,9 @@
 use std::fmt;
 use std::time::Duration;
 
-use super::description::{MassSpringScene, ScenePlane, SceneSolver, SceneSpring};
+use super::description::{MassSpringScene, SceneBend, ScenePlane, SceneSolver, SceneSpring};
 use super::error::{SceneError, SceneErrorReason};
+use super::recipes::SceneLayout;
 use crate::collider::PlaneCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::Particle;
@@ -93,12 +94,12 @@ impl MassSpringScene {
                 .and_then(|()| Particle::new(particle.mass, particle.radius).validate())
                 .map_err(|invalid| Fault::new(&parents, invalid))?;
         }
+        let layout = self.check_nets()?;
         for (index, spring) in self.springs.iter().enumerate() {
-            self.check_spring(index, spring)?;
+            self.check_spring(index, spring, &layout)?;
         }
-        for (index, net) in self.nets.iter().enumerate() {
-            let parents = [Step::Field("nets"), Step::Index(index)];
-            net.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+        for (index, bend) in self.bends.iter().enumerate() {
+            self.check_bend(index, bend)?;
         }
         for (index, plane) in self.planes.iter().enumerate() {
             let parents = [Step::Field("planes"), Step::Index(index)];
@@ -118,24 +119,42 @@ impl MassSpringScene {
         self.collisions.validate().map_err(|invalid| Fault::new(&[Step::Field("collisions")], invalid))
     }
 
-    fn check_spring(&self, index: usize, spring: &SceneSpring) -> Result<(), Fault> {
+    /// Checks the nets, and lays them out.
+    fn check_nets(&self) -> Result<SceneLayout, Fault> {
+        for (index, net) in self.nets.iter().enumerate() {
+            let parents = [Step::Field("nets"), Step::Index(index)];
+            net.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+        }
+        self.lay_out().map_err(|(index, source)| {
+            let path = Path(vec![Step::Field("nets"), Step::Index(index)]);
+            Fault { reason: SceneErrorReason::Net { field: path.to_string(), source }, path }
+        })
+    }
+
+    /// What an index that is in no list should have been.
+    fn expected_indices(&self, number: &str) -> String {
+        let (count, of_list) = (self.particle_count(), self.particles.len());
+        if count == of_list {
+            return format!("{number} indices into the list of {count} particles, the first of which is 0");
+        }
+        format!("{number} indices of the {count} particles, those of nets included, the first of which is 0")
+    }
+
+    fn check_spring(&self, index: usize, spring: &SceneSpring, layout: &SceneLayout) -> Result<(), Fault> {
         let parents = [Step::Field("springs"), Step::Index(index)];
         let refuse = |expected| {
             let ends = format!("{:?}", spring.particles);
             Err(Fault::with_expected(&parents, "particles", ends, expected))
         };
         let (first, second) = spring.particles;
-        let count = self.particles.len();
-        if first.max(second) >= count {
-            return refuse(format!(
-                "two indices into the list of {count} particles, the first of which is 0"
-            ));
+        if first.max(second) >= layout.positions.len() {
+            return refuse(self.expected_indices("two"));
         }
         if first == second {
             return refuse("the indices of two different particles".to_owned());
         }
         // An omitted rest length is checked as well: the distance of two ends may be too great for f32.
-        let rest_length = self.rest_length(spring).unwrap_or_default();
+        let rest_length = layout.rest_length(spring).unwrap_or_default();
         parameter::non_negative("rest_length", rest_length)
             .and_then(|()| parameter::non_negative("stiffness", spring.stiffness))
             .and_then(|()| parameter::non_negative("damping", spring.damping))
@@ -146,6 +165,26 @@ impl MassSpringScene {
                 let force = spring.breaking_force;
                 force.map_or(Ok(()), |force| parameter::non_negative("breaking_force", force))
             })
+            .map_err(|invalid| Fault::new(&parents, invalid))
+    }
+}
+
+impl MassSpringScene {
+    fn check_bend(&self, index: usize, bend: &SceneBend) -> Result<(), Fault> {
+        let parents = [Step::Field("bends"), Step::Index(index)];
+        let refuse = |expected| {
+            let ends = format!("{:?}", bend.particles);
+            Err(Fault::with_expected(&parents, "particles", ends, expected))
+        };
+        let (first, middle, last) = bend.particles;
+        if first.max(middle).max(last) >= self.particle_count() {
+            return refuse(self.expected_indices("three"));
+        }
+        if first == middle || middle == last || last == first {
+            return refuse("the indices of three different particles".to_owned());
+        }
+        parameter::non_negative("stiffness", bend.stiffness)
+            .and_then(|()| parameter::non_negative("damping", bend.damping))
             .map_err(|invalid| Fault::new(&parents, invalid))
     }
 }

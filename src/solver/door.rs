@@ -17,7 +17,7 @@ use crate::solver::step::{Caches, Inputs, step};
 /// Particles and springs are known by their numbers, in the order in which they were added.
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
-    state: State,
+    pub(super) state: State,
     inputs: Inputs,
     caches: Caches,
     outputs: Outputs,
@@ -37,7 +37,16 @@ pub enum SolverError {
         /// What would have been accepted.
         expected: &'static str,
     },
-    /// A spring or bend to a particle that does not exist.
+    /// The triangles around a gas are not a closed surface with one side outside.
+    #[error(
+        "the surface around a gas is not closed: its edge from particle {} to {} is not the edge of one other triangle, \
+         in the other direction", edge[0], edge[1]
+    )]
+    NotClosed {
+        /// The ends of the edge.
+        edge: [usize; 2],
+    },
+    /// An element to a particle that does not exist.
     #[error("an end is particle {particle}, expected less than {count}")]
     MissingParticle {
         /// The number that was given.
@@ -45,7 +54,7 @@ pub enum SolverError {
         /// The number of particles.
         count: usize,
     },
-    /// A spring or bend two ends of which are one particle.
+    /// An element two ends of which are one particle.
     #[error("two ends are particle {particle}")]
     Loop {
         /// The particle.
@@ -53,7 +62,7 @@ pub enum SolverError {
     },
 }
 
-fn non_negative(field: &'static str, value: f32) -> Result<(), SolverError> {
+pub(super) fn non_negative(field: &'static str, value: f32) -> Result<(), SolverError> {
     match value.is_finite() && value >= 0.0 {
         true => Ok(()),
         false => Err(SolverError::OutOfRange { field, value, expected: "a finite number >= 0" }),
@@ -126,6 +135,37 @@ impl Solver {
             }
         }
         Ok(self.state.add_bend(ends, bend))
+    }
+
+    /// Changes the parameters of a bend of three particles, which go there as those of a
+    /// [spring](Self::set_spring) do; weights change at once. Where there is no such bend nothing changes.
+    ///
+    /// # Errors
+    /// If a parameter is not finite and >= 0, or the weights do not add up to 0.
+    pub fn set_rod(&mut self, number: usize, bend: Bend<3>) -> Result<(), SolverError> {
+        check_bend(&bend)?;
+        self.state.set_bend(number, bend);
+        Ok(())
+    }
+
+    /// Changes the parameters of a bend of four particles: see [`set_rod`](Self::set_rod).
+    ///
+    /// # Errors
+    /// As [`set_rod`](Self::set_rod).
+    pub fn set_hinge(&mut self, number: usize, bend: Bend<4>) -> Result<(), SolverError> {
+        check_bend(&bend)?;
+        self.state.set_bend(number, bend);
+        Ok(())
+    }
+
+    /// Removes a bend of three particles; the others keep their numbers.
+    pub fn remove_rod(&mut self, number: usize) {
+        self.state.remove_bend::<3>(number);
+    }
+
+    /// Removes a bend of four particles; the others keep their numbers.
+    pub fn remove_hinge(&mut self, number: usize) {
+        self.state.remove_bend::<4>(number);
     }
 
     /// Changes the parameters of a spring. In the next tick rest length, stiffness and damping go there in equal

@@ -23,7 +23,7 @@ use crate::solver::state::State;
 pub struct Measurements {
     /// Σ ½ m v², J.
     pub kinetic_energy: f64,
-    /// Σ ½ k (l − l0)² of springs and Σ ½ k (‖Σ cᵢ xᵢ‖ − r)² of bends, J.
+    /// Σ ½ k (l − l0)² of springs, Σ ½ k (‖Σ cᵢ xᵢ‖ − r)² of bends, and −p₀ V₀ ln (V / V₀) of gases, J.
     pub elastic_energy: f64,
     /// −Σ m g·x, J: zero at the origin; zero where gravity is switched off.
     pub gravitational_energy: f64,
@@ -77,6 +77,11 @@ fn add_elements(state: &State, measurements: &mut Measurements) {
             stretched += 1;
         }
     });
+    for (_, enclosure) in state.elements.gases().acting() {
+        let position =
+            |place: usize| state.particles.position.get(enclosure.slots[place] as usize).as_dvec3();
+        measurements.elastic_energy += enclosure.gas.energy_at(enclosure.volume(position));
+    }
     measurements.mean_stretch /= stretched.max(1) as f64;
 }
 

@@ -5,15 +5,17 @@
 //! the bit.
 //!
 //! Of springs that hang together only the one that is most overloaded breaks in a substep, and those that carry twice
-//! what they can: the break unloads the others, at the speed of sound, before they are torn too. In a rope under
-//! tension all links carry nearly the same, and without this rule it would fall to pieces.
+//! what they can: the break unloads the others. In a rope under tension all links carry nearly the same, and without
+//! more it would fall to pieces, one in each substep. So in ropes and trees nothing else breaks (but what carries twice
+//! its force) until the release has had the time to travel through all of it: √(m/k) for each of its elements. Springs
+//! of surfaces that are torn after the tick are only reported, and one in each tick.
 //!
 //! The tension of what an implicit scheme advances is that of the solved equations at the end of its step; that of
 //! others follows from the positions, whose rounding times the stiffness it may err by.
 
 use bevy::math::Vec3;
 
-use crate::solver::elements::{Element, Elements};
+use crate::solver::elements::{Element, Elements, Release};
 use crate::solver::graph::Islands;
 use crate::solver::outputs::Broken;
 use crate::solver::particles::Particles;
@@ -34,6 +36,10 @@ pub(super) struct Failures {
     /// The springs that have yielded, with their plastic strain.
     pub yielded: Vec<(u32, f32)>,
     overloaded: Vec<Overload>,
+    /// The islands through which a release travels, and those of which a spring that tears was reported in this tick.
+    waiting: Vec<u32>,
+    /// The springs that were.
+    reported: Vec<u32>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -42,6 +48,8 @@ struct Candidate {
     island: u32,
     /// A free end of it; if it has none, an end.
     slot: u32,
+    /// How long a release takes through its island, s; 0 where that has loops.
+    release: f32,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -60,10 +68,13 @@ impl Failures {
         &mut self,
         elements: &Elements,
         particles: &Particles,
+        releases: &[Release],
         islands: impl FnOnce() -> &'a Islands,
     ) {
         let key = Some((elements.failures_version(), elements.ends_version(), particles.free_version()));
-        if self.key == key {
+        self.waiting.clear();
+        self.reported.clear();
+        if self.key == key && releases.is_empty() {
             return;
         }
         self.key = key;
@@ -71,18 +82,39 @@ impl Failures {
         let springs = elements.springs();
         let may_fail = |number: &u32| springs.elements()[*number as usize].may_fail();
         let numbers = (0..springs.len() as u32).filter(may_fail);
-        let numbers = numbers.map(|spring| Candidate { spring, island: NO_ISLAND, slot: 0 });
+        let numbers = numbers.map(|spring| Candidate { spring, island: NO_ISLAND, slot: 0, release: 0.0 });
         self.candidates.extend(numbers);
         if self.candidates.is_empty() {
             return;
         }
         let islands = islands();
         for candidate in &mut self.candidates {
-            let ([first, second], _) = springs.with_ends(candidate.spring as usize);
+            let ([first, second], spring) = springs.with_ends(candidate.spring as usize);
             let slot = if particles.is_pinned(first) { second } else { first };
             candidate.slot = slot as u32;
-            candidate.island = islands.of(slot).map_or(NO_ISLAND, |island| island as u32);
+            let Some(island) = islands.of(slot) else { continue };
+            candidate.island = island as u32;
+            let island = islands.all()[island];
+            if !island.has_loops {
+                let masses = [first, second].map(|end| 1.0 / particles.inverse_mass()[end]);
+                let link = (masses[0].min(masses[1]) / spring.stiffness).sqrt();
+                candidate.release = if link.is_finite() { link * island.elements as f32 } else { 0.0 };
+            }
         }
+        let slots = releases.iter().flat_map(|release| release.slots);
+        self.waiting.extend(slots.filter_map(|slot| islands.of(slot as usize)).map(|island| island as u32));
+    }
+
+    /// The releases of what has broken in the last substep.
+    pub fn released<'a>(&'a self, elements: &'a Elements) -> impl Iterator<Item = Release> + 'a {
+        self.overloaded
+            .iter()
+            .map(|overload| overload.candidate)
+            .filter(|candidate| candidate.release > 0.0)
+            .map(|candidate| {
+                let (ends, _) = elements.springs().with_ends(candidate.spring as usize);
+                Release { slots: ends.map(|end| end as u32), time_left: candidate.release }
+            })
     }
 
     /// Whether there is any.
@@ -99,13 +131,14 @@ impl Failures {
         solved: &[f64],
         in_step: impl Fn(usize) -> bool,
     ) {
-        let Self { candidates, broken, yielded, overloaded, .. } = self;
+        let Self { candidates, broken, yielded, overloaded, waiting, reported, .. } = self;
         broken.clear();
         yielded.clear();
         overloaded.clear();
         for &candidate in candidates.iter() {
             let spring = &elements.springs().elements()[candidate.spring as usize];
-            if !spring.may_fail() || in_step(candidate.slot as usize) {
+            if !spring.may_fail() || in_step(candidate.slot as usize) || reported.contains(&candidate.spring)
+            {
                 continue;
             }
             let [length, measured] = elements.measure_spring(candidate.spring, particles);
@@ -118,14 +151,25 @@ impl Failures {
             }
         }
         if !overloaded.is_empty() {
-            choose(overloaded);
+            choose(overloaded, waiting);
             broken.extend(overloaded.iter().map(|overload| broken_spring(overload, elements, particles)));
+            let released = overloaded
+                .iter()
+                .map(|overload| overload.candidate)
+                .filter(|candidate| candidate.release > 0.0);
+            waiting.extend(released.map(|candidate| candidate.island));
+            for candidate in overloaded.iter().map(|overload| overload.candidate) {
+                if elements.springs().elements()[candidate.spring as usize].tears {
+                    reported.push(candidate.spring);
+                    waiting.push(candidate.island);
+                }
+            }
         }
     }
 }
 
-/// Keeps the most overloaded of each island, and those that break for certain; by their numbers.
-fn choose(overloaded: &mut Vec<Overload>) {
+/// Keeps the most overloaded of each island that is not `waiting`, and those that break for certain; by their numbers.
+fn choose(overloaded: &mut Vec<Overload>, waiting: &[u32]) {
     let rank = |overload: &Overload| (overload.candidate.island, overload.candidate.spring);
     overloaded.sort_unstable_by(|one, other| {
         let by_island = one.candidate.island.cmp(&other.candidate.island);
@@ -134,6 +178,7 @@ fn choose(overloaded: &mut Vec<Overload>) {
     let mut last = None;
     overloaded.retain(|Overload { candidate, load, .. }| {
         let is_first = last.replace(candidate.island) != Some(candidate.island);
+        let is_first = is_first && !waiting.contains(&candidate.island);
         is_first || candidate.island == NO_ISLAND || *load >= CERTAIN
     });
     overloaded.sort_unstable_by_key(|overload| overload.candidate.spring);

@@ -31,6 +31,7 @@
 //! `stability/` how long substeps may be, `schemes/` how they integrate, `collision/` the contacts, `step.rs` the
 //! tick. All but the state are caches.
 
+mod air;
 mod buckets;
 mod collision;
 mod door;
@@ -38,6 +39,7 @@ mod elements;
 mod energy;
 mod failures;
 mod graph;
+mod gusts;
 mod kernel;
 mod outputs;
 pub(crate) mod parallel;
@@ -49,17 +51,18 @@ mod stability;
 mod state;
 mod step;
 mod strain_limit;
+mod surfaces;
 
 pub use collision::{ContactPartner, ContactRecord, Plane, Pose};
 pub use door::{Solver, SolverError};
-pub use elements::{Bend, Plasticity, Spring};
+pub use elements::{Bend, Face, Filament, Gas, GasReading, Plasticity, Spring, enclosed_volume};
 pub use energy::Measurements;
 pub(crate) use energy::measure;
 pub use outputs::{Broken, Outputs};
 pub use particles::PinnedMotion;
-pub use settings::{Integrator, PairRules, StepSettings, SubstepMode, UnknownIntegrator};
+pub use settings::{Gusts, Integrator, PairRules, StepSettings, SubstepMode, UnknownIntegrator};
 pub use stability::{FrequencyBounds, MAX_SUBSTEPS, Plan};
 pub use state::State;
-pub(crate) use state::Version;
+pub(crate) use state::{NetElements, NetRanges, Version};
 pub use step::Inputs;
 pub(crate) use step::{Caches, step};

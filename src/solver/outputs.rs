@@ -3,8 +3,8 @@
 use bevy::math::{DVec3, Vec3};
 
 use crate::solver::collision::ContactRecord;
-use crate::solver::elements::Elements;
-use crate::solver::particles::Particles;
+use crate::solver::elements::{Elements, Enclosure, GasReading};
+use crate::solver::particles::{Particles, Vectors};
 use crate::solver::stability::Plan;
 
 /// A spring that broke.
@@ -35,19 +35,24 @@ pub struct Outputs {
     pub contact_count: usize,
     /// The contacts of all substeps, in the order of these.
     pub contacts: Vec<ContactRecord>,
-    /// The tension of each spring at the end of the tick, damper included, N; negative where it pushes, 0 where
+    /// The tension of each spring at the end of the tick, damper included, and after them those of the bends, N; negative where it pushes, 0 where
     /// it was removed. Of springs that an implicit scheme advances it is that of the solved equations; of others it
     /// follows from the positions, whose rounding times the stiffness it may err by.
     pub tensions: Vec<f32>,
-    /// The slot of each pinned particle with springs, and the force with which these pull at it at the end of the
+    /// The slot of each pinned particle with springs or a gas, and the force with which these pull at it at the end of the
     /// tick, N; by slot.
     pub reactions: Vec<(usize, Vec3)>,
-    /// The springs that broke in the tick, in the order in which they did; they are removed.
+    /// The springs that broke in the tick, in the order in which they did. They are removed, but for those that
+    /// [tear](crate::solver::Spring::tears).
     pub broken: Vec<Broken>,
     /// The springs that yielded in the tick, by their number.
     pub(crate) yielded: Vec<u32>,
+    /// Volume and pressure of each gas at the end of the tick.
+    pub gases: Vec<GasReading>,
     /// Force on the particle in each slot: working memory.
     forces: Vec<DVec3>,
+    /// Of the volume of a gas, m²: working memory.
+    gradient: Vec<DVec3>,
 }
 
 impl Outputs {
@@ -60,10 +65,21 @@ impl Outputs {
         self.yielded.clear();
     }
 
+    /// Measures the gases.
+    pub(super) fn read_gases(&mut self, elements: &Elements, position: &Vectors) {
+        let reading = |enclosure: &Enclosure| {
+            let volume = enclosure.volume(|place| position.get(enclosure.slots[place] as usize).as_dvec3());
+            let pressure = if enclosure.acts() { enclosure.gas.pressure_at(volume) } else { 0.0 };
+            GasReading { volume, pressure }
+        };
+        self.gases.clear();
+        self.gases.extend(elements.gases().all().iter().map(reading));
+    }
+
     /// Computes the forces. `solved` has the tensions of the elements whose equations were solved; of others it has
     /// nothing, or NaN.
     pub(super) fn end_tick(&mut self, elements: &Elements, particles: &Particles, solved: &[f64]) {
-        let Self { tensions, reactions, forces, .. } = self;
+        let Self { tensions, reactions, forces, gradient, .. } = self;
         tensions.resize(elements.len(), 0.0);
         forces.clear();
         forces.resize(particles.len(), DVec3::NAN);
@@ -78,6 +94,14 @@ impl Outputs {
             let sum = &mut forces[slot];
             *sum = if sum.is_nan() { force } else { *sum + force };
         });
+        for (_, enclosure) in elements.gases().acting() {
+            let at = |place: usize| particles.position.get(enclosure.slots[place] as usize).as_dvec3();
+            let pressure = enclosure.gas.pressure_at(enclosure.measure(at, gradient));
+            for (slot, gradient) in enclosure.slots.iter().zip(&*gradient) {
+                let sum = &mut forces[*slot as usize];
+                *sum = if sum.is_nan() { pressure * *gradient } else { *sum + pressure * *gradient };
+            }
+        }
         let pinned =
             (0..particles.len()).filter(|slot| particles.is_pinned(*slot) && !forces[*slot].is_nan());
         reactions.extend(pinned.map(|slot| (slot, forces[slot].as_vec3())));

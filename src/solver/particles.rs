@@ -164,6 +164,9 @@ pub(crate) struct Particles {
     pub applied_force: Vectors,
     inverse_mass: Vec<f32>,
     radius: Vec<f32>,
+    /// Those of one family, which is not 0, do not collide with each other.
+    family: Vec<u32>,
+    families: u32,
     mass_version: Version,
     free_version: Version,
     added_version: Version,
@@ -203,6 +206,22 @@ impl Particles {
         self.applied_force.push(Vec3::ZERO);
         self.inverse_mass.push(inverse_mass);
         self.radius.push(radius);
+        self.family.push(0);
+        self.added_version = Version::new();
+        self.free_version = self.added_version;
+    }
+
+    /// Appends particles: position in m, velocity in m/s, 1 / mass in 1/kg; all of the same radius, m.
+    pub fn extend(&mut self, added: impl ExactSizeIterator<Item = (Vec3, Vec3, f32)>, radius: f32) {
+        let count = self.len() + added.len();
+        for (position, velocity, inverse_mass) in added {
+            self.position.push(position);
+            self.velocity.push(velocity);
+            self.inverse_mass.push(inverse_mass);
+        }
+        self.applied_force.resize(count);
+        self.radius.resize(count, radius);
+        self.family.resize(count, 0);
         self.added_version = Version::new();
         self.free_version = self.added_version;
     }
@@ -229,6 +248,23 @@ impl Particles {
         self.radius[slot] = radius;
     }
 
+    /// Whether a particle belongs to a family.
+    pub fn has_family(&self, slot: usize) -> bool {
+        self.family[slot] != 0
+    }
+
+    /// The family of each particle; 0: none. Empty if no particle ever had one.
+    pub fn families(&self) -> &[u32] {
+        if self.families == 0 { &[] } else { &self.family }
+    }
+
+    /// Makes particles a family of their own, or of none.
+    pub fn set_family(&mut self, slots: impl Iterator<Item = usize>, is_one: bool) {
+        self.families += u32::from(is_one);
+        let family = if is_one { self.families } else { 0 };
+        slots.for_each(|slot| self.family[slot] = family);
+    }
+
     /// Removes all particles.
     pub fn clear(&mut self) {
         *self = Self::default();
@@ -247,6 +283,7 @@ impl Particles {
             self.applied_force.set(new, old.applied_force.get(slot));
             self.inverse_mass[new] = old.inverse_mass[slot];
             self.radius[new] = old.radius[slot];
+            self.family[new] = old.family[slot];
         }
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
@@ -274,21 +311,22 @@ impl Particles {
     }
 
     /// Position and velocity of a free particle after `h` seconds without elements, in m and m/s. The force is constant
-    /// and the drag −ν v, so this is exact.
+    /// and the drag in proportion to v, so this is exact.
     pub(super) fn free_motion(&self, slot: usize, field: Field, h: f64) -> [DVec3; 2] {
         let inverse_mass = f64::from(self.inverse_mass[slot]);
-        let push = field.gravity.as_dvec3() + inverse_mass * self.applied_force.get(slot).as_dvec3();
+        let push = field.acceleration(slot) + inverse_mass * self.applied_force.get(slot).as_dvec3();
         let (position, velocity) = (self.position.get(slot).as_dvec3(), self.velocity.get(slot).as_dvec3());
-        let [decay, mean, double_mean] = decay(h * f64::from(field.viscosity) * inverse_mass);
+        let [decay, mean, double_mean] = decay(h * field.decay_rate(slot, inverse_mass));
         [position + h * (mean * velocity + h * double_mean * push), decay * velocity + h * mean * push]
     }
 
-    /// The same if it started with `velocity` v, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m).
+    /// The same if it started with `velocity` v, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m); air adds to
+    /// f and ν.
     pub(super) fn velocity_after(&self, slot: usize, velocity: DVec3, field: Field, h: f64) -> DVec3 {
         let inverse_mass = f64::from(self.inverse_mass[slot]);
         let force = self.applied_force.get(slot).as_dvec3();
-        (velocity + h * (field.gravity.as_dvec3() + inverse_mass * force))
-            / (1.0 + h * f64::from(field.viscosity) * inverse_mass)
+        (velocity + h * (field.acceleration(slot) + inverse_mass * force))
+            / (1.0 + h * field.decay_rate(slot, inverse_mass))
     }
 }
 

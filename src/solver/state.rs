@@ -4,14 +4,20 @@
 //! the state: with all of them dropped before each tick the results have the same bits. A cache remembers the
 //! [`Version`] of what it was derived from, and compares.
 
+mod bends;
+mod bulk;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bevy::math::Vec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Bend, Elements, Holds, Spring};
+use crate::solver::elements::{Elements, Exposed, Release, Spring};
+use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
+
+pub(crate) use bulk::{NetElements, NetRanges};
 
 /// Marks contents: what has the same version is the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -56,6 +62,11 @@ pub struct State {
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
     pub(super) pulls: Pulls,
+    /// The breaks whose release is still on its way.
+    pub(super) releases: Vec<Release>,
+    /// What the air blows at.
+    pub(super) exposed: Exposed,
+    pub(super) air_clock: AirClock,
     /// Whether particles or springs were placed since the last tick so that the ends of a spring may coincide.
     pub(super) may_coincide: bool,
 }
@@ -66,6 +77,7 @@ impl State {
     pub(crate) fn clear(&mut self) {
         self.particles.clear();
         self.elements.clear();
+        self.exposed.clear();
     }
 
     /// Keeps what is remembered of contacts for particles that are back in other slots: `new_slots[old]`.
@@ -82,12 +94,14 @@ impl State {
     pub(crate) fn put_back_pulls(&mut self, mut pulls: Pulls, new_slots: &[Option<u32>]) {
         pulls.renumber(new_slots, self.particles.len());
         self.pulls = pulls;
+        self.releases.retain_mut(|release| release.renumber(new_slots));
     }
 
     /// Resets what is remembered of contacts and pulls, as if the simulation had just started.
     pub(crate) fn forget_contacts(&mut self) {
         self.contacts.forget();
         self.pulls.clear();
+        self.releases.clear();
     }
 
     /// Measures positions from `origin` from now on.
@@ -105,9 +119,12 @@ impl State {
         self.contacts.request_search();
     }
 
-    /// Empties the slot of a particle. Its springs are to be removed, too.
+    /// Empties the slot of a particle. Its springs are to be removed, too; faces and filaments there leave with it, and a
+    /// gas whose surface it was a part of escapes.
     pub(crate) fn remove_particle(&mut self, slot: usize) {
         self.particles.vacate(slot);
+        self.exposed.remove_particle(slot);
+        self.remove_gases_at(slot);
         self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
         self.contacts.request_search();
@@ -155,15 +172,6 @@ impl State {
         self.elements.push(ends.map(|end| end as u32), spring)
     }
 
-    /// Appends a bend; its index among those of as many ends.
-    pub(super) fn add_bend<const N: usize>(&mut self, ends: [usize; N], bend: Bend<N>) -> usize
-    where
-        Elements: Holds<Bend<N>, N>,
-    {
-        ends.into_iter().for_each(|end| self.pulls.forget(end));
-        self.elements.push(ends.map(|end| end as u32), bend)
-    }
-
     /// Removes a spring; its place stays empty.
     pub(crate) fn remove_spring(&mut self, index: usize) {
         self.forget_pulls(index);
@@ -199,7 +207,7 @@ impl State {
 
     /// Takes it that a spring that was added anew was there when the last tick ended, with the parameters `past`.
     pub(crate) fn set_past_spring(&mut self, index: usize, past: Spring) {
-        self.elements.set_past_spring(index, past);
+        self.elements.set_past(index, past);
     }
 
     /// The parameters of a spring; `None` beyond the last one. Those of an empty place are zero.
@@ -226,6 +234,7 @@ impl State {
     pub(crate) fn renumber(&mut self, new_slots: &[u32]) {
         self.particles.renumber(new_slots);
         self.elements.renumber(new_slots);
+        self.exposed.renumber(new_slots);
         let new_slots: Vec<Option<u32>> = new_slots.iter().map(|slot| Some(*slot)).collect();
         self.renumber_contacts(&new_slots);
         let pulls = self.take_pulls();

@@ -1,12 +1,13 @@
 //! A tick: plan → substeps → outputs.
 
+use crate::solver::air::Air;
 use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use crate::solver::settings::{Integrator, StepSettings};
+use crate::solver::settings::{Field, Integrator, StepSettings};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
@@ -29,6 +30,7 @@ pub(crate) struct Caches {
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
+    air: Air,
     /// Working memory.
     tensions: Vec<f64>,
     interleaved: Interleaved,
@@ -60,6 +62,7 @@ pub(crate) fn step(
     if std::mem::take(&mut state.may_coincide) {
         part_coincident(&state.elements, &mut state.particles, settings.gravity);
     }
+    caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
@@ -92,9 +95,10 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
-        caches.fail(state, outputs, plan, index);
+        caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
+    state.air_clock.advance(settings.wind, settings.time_step);
     state.pulls.end_tick();
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -104,6 +108,7 @@ pub(crate) fn step(
         let solved = caches.solved_tensions(plan, state.elements.len());
         outputs.end_tick(&state.elements, &state.particles, solved);
     }
+    outputs.read_gases(&state.elements, &state.particles.position);
 }
 
 impl Caches {
@@ -163,7 +168,8 @@ impl Caches {
     }
 
     /// Removes the springs that broke in the substep of this `index`, and changes those that yielded.
-    fn fail(&mut self, state: &mut State, outputs: &mut Outputs, plan: Plan, index: u32) {
+    fn fail(&mut self, state: &mut State, outputs: &mut Outputs, plan: Plan, (index, substep): (u32, f32)) {
+        state.releases.iter_mut().for_each(|release| release.time_left -= substep);
         if !self.failures.any() {
             return;
         }
@@ -171,30 +177,31 @@ impl Caches {
         self.solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
         let (islands, stiff) = self.planner.stiff_islands();
         let is_between = plan.stiff_substeps > 0 && !ends_step;
-        let State { particles, elements, pulls, contacts, .. } = state;
+        let State { particles, elements, pulls, contacts, releases, .. } = state;
         let in_step = |slot: usize| is_between && stiff.contains(islands, particles, slot);
         self.failures.find(elements, particles, &self.tensions, in_step);
         let Failures { broken, yielded, .. } = &self.failures;
         if broken.is_empty() && yielded.is_empty() {
             return;
         }
-        broken.iter().for_each(|broken| elements.break_spring(broken.spring as u32));
+        outputs.broken.extend_from_slice(broken);
+        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
+        let broken = broken.iter().map(|broken| broken.spring);
+        let tears = |spring: usize| elements.springs().elements()[spring].tears;
+        let removed: Vec<usize> = broken.filter(|spring| !tears(*spring)).collect();
+        removed.iter().for_each(|spring| elements.break_spring(*spring as u32));
         yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
-        for spring in broken
-            .iter()
-            .map(|broken| broken.spring)
-            .chain(yielded.iter().map(|(spring, _)| *spring as usize))
-        {
+        let changed = yielded.iter().map(|(spring, _)| *spring as usize);
+        for spring in removed.iter().copied().chain(changed) {
             let (ends, parameters) = elements.springs().with_ends(spring);
             ends.into_iter().for_each(|end| pulls.forget(end));
             if !plan.integrator.is_implicit() {
                 self.blocks.set_parameters(spring, parameters);
             }
         }
-        outputs.broken.extend_from_slice(broken);
-        outputs.yielded.extend(yielded.iter().map(|(spring, _)| spring));
+        releases.extend(self.failures.released(elements));
         self.scratch.disturb();
-        if !broken.is_empty() {
+        if !removed.is_empty() {
             contacts.request_search();
             self.strain_limits.prepare(elements, particles);
         }
@@ -206,14 +213,16 @@ impl Caches {
             self.blocks.ramp_to(&state.elements, 1.0);
         }
         state.elements.end_ramps();
+        state.releases.retain(|release| release.time_left > 0.0);
     }
 
     /// Derives what the schemes of a tick need.
     fn prepare(&mut self, state: &mut State, plan: Plan) {
-        let State { particles, elements, pulls, .. } = state;
+        let State { particles, elements, pulls, releases, .. } = state;
         self.scratch.begin_tick(particles.len());
         self.strain_limits.prepare(elements, particles);
-        self.failures.prepare(elements, particles, || self.planner.refresh_islands(elements, particles));
+        self.failures
+            .prepare(elements, particles, releases, || self.planner.refresh_islands(elements, particles));
         let is_divided = plan.stiff_substeps > 0;
         if is_divided || plan.integrator == Integrator::TrBdf2 {
             pulls.begin_tick(particles.len());
@@ -254,8 +263,10 @@ impl Caches {
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, contacts, pulls, .. } = state;
-        let field = settings.field();
+        let State { particles, elements, contacts, pulls, exposed, .. } = state;
+        let steps = if plan.stiff_substeps > 0 { plan.stiff_substeps } else { plan.substeps };
+        self.air.evaluate(exposed, particles, [substep, settings.time_step / steps as f32]);
+        let field = Field { air: self.air.load(), ..settings.field() };
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
         // One substep is no way to go: the new parameters act at once.
         let elapsed = if plan.substeps == 1 { 1.0 } else { plan.elapsed(index) };

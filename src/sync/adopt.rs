@@ -16,13 +16,18 @@ impl Assignment<'_, '_, '_, '_, '_> {
     pub(super) fn adopt(&mut self) {
         self.adopt_particles();
         let absent = self.adopt_springs();
+        self.adopt_bends();
         self.adopt_planes();
+        let nets = self.candidates.all_nets.iter().collect();
+        self.state.nets.adopt(nets);
         self.register_unknown();
+        self.place_parts();
         self.complete_initial_state();
         self.simulation.fresh.clear();
         self.simulation.fresh.resize(self.state.particles.slots.len(), false);
         absent.into_iter().for_each(|spring| self.suspend(spring));
         self.copy_all_springs();
+        self.copy_all_bends();
     }
 
     fn adopt_particles(&mut self) {
@@ -83,6 +88,11 @@ impl Assignment<'_, '_, '_, '_, '_> {
             {
                 state.springs.add(entity, &mut *slot);
             }
+            if let Ok((.., mut slot)) = self.candidates.bends.get_mut(entity)
+                && !slot.is_registered()
+            {
+                state.bends.all.add(entity, &mut *slot);
+            }
             if is_plane && !known.contains(&entity) {
                 state.planes.push(RegisteredPlane::new(entity));
             }
@@ -93,7 +103,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn complete_initial_state(&mut self) {
         let initial = &mut self.bookkeeping.initial;
         let recorded = initial.entities();
-        let MassSpringState { particles, springs, planes, .. } = &mut *self.state;
+        let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *self.state;
         for entry in &mut particles.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
             let data = self.candidates.particles.get(entry.entity).ok().filter(|_| !entry.is_recorded);
@@ -113,6 +123,22 @@ impl Assignment<'_, '_, '_, '_, '_> {
                 entry.is_recorded = true;
             }
         }
+        for net in &mut nets.entries {
+            net.is_recorded = recorded.contains(&net.entity);
+            let data = self.candidates.nets.get(net.entity).ok().filter(|_| !net.is_recorded);
+            if let Some((data, transform, _)) = data {
+                initial.record_net(net.entity, &data, transform);
+                net.is_recorded = true;
+            }
+        }
+        for entry in &mut bends.all.entries {
+            entry.is_recorded = recorded.contains(&entry.entity);
+            let data = self.candidates.bends.get(entry.entity).ok().filter(|_| !entry.is_recorded);
+            if let Some((bend, ..)) = data {
+                initial.record_bend(entry.entity, *bend);
+                entry.is_recorded = true;
+            }
+        }
         for plane in planes {
             plane.is_recorded = recorded.contains(&plane.entity);
         }
@@ -120,11 +146,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Copies the parameters of all springs in the simulation; those with other ends are pending from now on.
     fn copy_all_springs(&mut self) {
-        let Candidates { particles, springs, .. } = &self.candidates;
+        let Candidates { particles, parts, springs, .. } = &self.candidates;
         let mut relinked = Vec::new();
         for &entity in self.state.springs.slots.iter().filter(|entity| **entity != Entity::PLACEHOLDER) {
             let Ok((spring, _, slot)) = springs.get(entity) else { continue };
-            let slot_of = |particle| particles.get(particle).ok().and_then(|(.., slot)| slot.get());
+            let slot_of = |end| match particles.get(end) {
+                Ok((.., slot)) => slot.get(),
+                Err(_) => parts.get(end).ok().and_then(|(_, part)| part.slot).map(|slot| slot as usize),
+            };
             if slot.get().is_some_and(|slot| !copy_spring(spring, slot, slot_of, &mut self.state.solver)) {
                 relinked.push(entity);
             }

@@ -17,9 +17,10 @@ use crate::solver::{PinnedMotion, parallel};
 use super::Simulation;
 use super::easing::Easing;
 use super::hierarchy::Hierarchy;
+use super::nets::{GatheredNets, gather_nets};
 use super::planes::{GatheredPlanes, Motions, gather_planes};
 use super::registry::Slot;
-use super::slots::{self, Bookkeeping, Candidates};
+use super::slots::{self, Bookkeeping, Candidates, NetQuery};
 use super::springs::{self, SpringQueries};
 use super::state::{MassSpringState, Warnings};
 use super::teleport::{self, Moved};
@@ -73,24 +74,49 @@ pub(super) fn gather(
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
     mut gathered_planes: ResMut<GatheredPlanes>,
-    mut queries: ParamSet<(SpringQueries, Candidates, Particles)>,
+    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery)>,
     mut bookkeeping: Bookkeeping,
     planes: Query<(&PlaneCollider, &Transform)>,
     hierarchy: Hierarchy,
-    (dimensions, mut easing): (Res<Dimensions>, Easing),
+    (dimensions, mut easing, mut gathered_nets): (Res<Dimensions>, Easing, ResMut<GatheredNets>),
 ) {
     gathered.start = Some(Instant::now());
     let (state, simulation) = (&mut *state, &mut *simulation);
-    let edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
-    slots::refresh_slots(state, simulation, edits, queries.p1(), &mut bookkeeping);
+    let mut edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
+    if !gathered_nets.relinked_parts.is_empty() {
+        edits.relinked.extend(queries.p0().ending_in(&gathered_nets.relinked_parts));
+        edits.retry = true;
+        gathered_nets.relinked_parts.clear();
+    }
+    slots::refresh_slots(state, simulation, edits, queries.p1(), &mut gathered_nets, &mut bookkeeping);
     let warnings = &mut bookkeeping.warnings;
+    let places = sample_nets(state, &gathered_nets, &queries.p3());
     let particles = queries.p2();
-    move_origin(state, simulation, &particles, &hierarchy);
+    move_origin(state, simulation, &particles, &hierarchy, places);
     let view = View::new(state.solver.origin, *dimensions);
     gather_particles(state, simulation, &mut gathered, warnings, &particles, &hierarchy, view);
+    let Gathered { moved, .. } = &mut *gathered;
+    gather_nets(state, simulation, &mut gathered_nets, warnings, &queries.p3(), view, moved);
     let motion_of_all = teleport::settle(state, simulation, &gathered.moved, view, &mut easing);
     let motions = Motions { view, of_all: motion_of_all };
     gather_planes(state, simulation, &mut gathered_planes, &mut bookkeeping, &planes, &hierarchy, motions);
+}
+
+/// Where those particles of the sample are that belong to nets.
+fn sample_nets(state: &MassSpringState, gathered: &GatheredNets, nets: &NetQuery) -> [Option<Vec3>; SAMPLE] {
+    let mut places = [None; SAMPLE];
+    if state.nets.entries.is_empty() {
+        return places;
+    }
+    let slots = &state.particles.slots;
+    let sample = slots.iter().enumerate().step_by(slots.len().div_ceil(SAMPLE).max(1));
+    for (place, (slot, entity)) in places.iter_mut().zip(sample) {
+        let particle = gathered.particle_at(state, *entity, slot);
+        let net = nets.get(*entity).ok().map(|(net, ..)| net);
+        *place =
+            net.zip(particle).and_then(|(net, particle)| net.positions().get(particle as usize).copied());
+    }
+    places
 }
 
 /// Moves the solver's origin to where the particles are, if they are far from it.
@@ -99,6 +125,7 @@ fn move_origin(
     simulation: &mut Simulation,
     particles: &Particles,
     hierarchy: &Hierarchy,
+    places_of_nets: [Option<Vec3>; SAMPLE],
 ) {
     let slots = &state.particles.slots;
     let places = slots.iter().step_by(slots.len().div_ceil(SAMPLE).max(1)).filter_map(|entity| {
@@ -108,6 +135,7 @@ fn move_origin(
         let ((_, _, _, transform, ..), ChildOf(parent)) = particles.parented.get(*entity).ok()?;
         Some(hierarchy.world_transform(*parent).0.transform_point3(transform.translation))
     });
+    let places = places.chain(places_of_nets.into_iter().flatten());
     let origin = choose_origin(state.solver.origin, places);
     simulation.unshifted.resize(0);
     if origin != state.solver.origin {

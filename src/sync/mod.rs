@@ -12,10 +12,13 @@
 //! the components; everything else here can be dropped.
 
 mod adopt;
+mod bends;
 mod easing;
 mod gather;
 mod hierarchy;
+mod nets;
 mod planes;
+mod records;
 mod registry;
 mod relocate;
 mod rigid;
@@ -33,6 +36,7 @@ use bevy::ecs::intern::Interned;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -68,16 +72,21 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .init_resource::<state::Warnings>()
         .init_resource::<snapshot::InitialState>()
         .init_resource::<gather::Gathered>()
-        .init_resource::<planes::GatheredPlanes>();
+        .init_resource::<planes::GatheredPlanes>()
+        .init_resource::<nets::GatheredNets>();
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
     let _ = app.try_register_required_components::<Spring, Slot<Spring>>();
+    let _ = app.try_register_required_components::<Bend, Slot<Bend>>();
     state::register_existing(app.world_mut());
+    nets::register_existing_nets(app.world_mut());
     app.add_observer(state::register::<Particle>)
         .add_observer(state::unregister::<Particle>)
         .add_observer(state::note_despawned)
         .add_observer(state::register::<Spring>)
         .add_observer(state::unregister::<Spring>)
+        .add_observer(state::register::<Bend>)
+        .add_observer(state::unregister::<Bend>)
         .add_observer(state::mark_outdated::<Add, Quarantined>)
         .add_observer(state::mark_outdated::<Remove, Quarantined>)
         .add_observer(state::note_broken)
@@ -88,12 +97,29 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(planes::register_plane)
         .add_observer(planes::sort_planes)
         .add_observer(planes::unregister_plane)
+        .add_observer(nets::register_net)
+        .add_observer(nets::mark_replaced)
+        .add_observer(nets::unregister_net)
+        .add_observer(nets::untie)
+        .add_observer(nets::retie)
+        .add_observer(nets::unlink_part)
+        .add_observer(nets::relink_part)
+        .add_observer(nets::note_despawned_part)
         .add_systems(
             schedule,
             (
-                gather::gather.in_set(MassSpringSystems::Gather),
+                (
+                    (nets::give_breaking, nets::gather_parts).chain().run_if(nets::any_nets),
+                    nets::tie_attachments.run_if(nets::any_untied),
+                    nets::turn_winches.run_if(nets::any_winches),
+                    gather::gather,
+                )
+                    .chain()
+                    .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
-                scatter::scatter.in_set(MassSpringSystems::Scatter),
+                (scatter::scatter, (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets))
+                    .chain()
+                    .in_set(MassSpringSystems::Scatter),
             ),
         );
 }

@@ -86,9 +86,9 @@ impl Registry {
         self.slots.len() - self.vacant
     }
 
-    /// Whether one in `share` slots is empty or pending, or more are.
-    pub fn is_fragmented(&self, share: usize) -> bool {
-        (self.pending() + self.vacant) * share > self.slots.len()
+    /// Whether one in `share` slots is empty or pending, or more are; `others` are pending beside those known here.
+    pub fn is_fragmented(&self, others: usize, share: usize) -> bool {
+        (self.pending() + others + self.vacant) * share > self.slots.len()
     }
 
     /// Takes all slots away, so that every entry is processed again.

@@ -6,7 +6,9 @@ use bevy::ecs::query::Allow;
 use bevy::math::{Affine3A, DVec3};
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
+use crate::nets::{PartOf, PartState, ParticleNet, Parts};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
@@ -21,11 +23,11 @@ use super::{Simulation, easing};
 /// What is moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scope {
-    /// One particle or plane.
+    /// One particle, net or plane.
     Entity(Entity),
-    /// A particle and all that springs join to it.
+    /// A particle, part or net and all that springs join to it.
     Net(Entity),
-    /// All particles and planes.
+    /// All particles, nets and planes.
     Everything,
 }
 
@@ -36,18 +38,25 @@ pub(crate) fn relocate(world: &mut World, scope: Scope, isometry: Isometry3d) {
     } else if !(isometry.translation.is_finite() && isometry.rotation.is_finite()) {
         log::warn!("Teleport: nothing is moved: {isometry:?} is not finite");
     } else {
-        let (particles, planes) = members(world, scope);
+        let Members { particles, nets, planes } = members(world, scope);
         if let (Scope::Entity(entity) | Scope::Net(entity), true) =
-            (scope, particles.is_empty() && planes.is_empty())
+            (scope, particles.is_empty() && nets.is_empty() && planes.is_empty())
         {
-            log::warn!("Teleport: nothing is moved: {entity} is neither a particle nor a plane");
+            log::warn!("Teleport: nothing is moved: {entity} is neither a particle, a net nor a plane");
             return;
         }
         let motion = RigidMotion::of_isometry(isometry, Vec3::ZERO);
         world.resource_scope(|world, mut state: Mut<MassSpringState>| {
             let planes = planes.iter().filter_map(|plane| MovingPlane::start(world, *plane, &motion));
             let mut planes: Vec<MovingPlane> = planes.collect();
-            move_particles(world, &mut state, &particles, &motion, matches!(scope, Scope::Entity(_)));
+            move_particles(
+                world,
+                &mut state,
+                (&particles, &nets),
+                &motion,
+                matches!(scope, Scope::Entity(_)),
+            );
+            nets.iter().for_each(|net| move_frame(world, &mut state, *net, &motion));
             planes.sort_by_key(|plane| plane.depth);
             let view = View::new(state.solver.origin, *world.resource::<Dimensions>());
             planes.iter().for_each(|plane| plane.arrive(world, &mut state, view));
@@ -56,34 +65,59 @@ pub(crate) fn relocate(world: &mut World, scope: Scope, isometry: Isometry3d) {
     }
 }
 
-/// The particles and planes of a scope.
-fn members(world: &mut World, scope: Scope) -> (Vec<Entity>, Vec<Entity>) {
+/// What is moved.
+struct Members {
+    particles: Vec<Entity>,
+    nets: Vec<Entity>,
+    planes: Vec<Entity>,
+}
+
+/// The particles, nets and planes of a scope.
+fn members(world: &mut World, scope: Scope) -> Members {
     let mut all_particles = world.query_filtered::<Entity, (With<Particle>, Allow<Disabled>)>();
     let mut all_planes = world.query_filtered::<Entity, (With<PlaneCollider>, Allow<Disabled>)>();
-    let (mut particles, mut planes): (Vec<Entity>, Vec<Entity>) =
-        (all_particles.iter(world).collect(), all_planes.iter(world).collect());
+    let mut all_nets = world.query_filtered::<Entity, (With<ParticleNet>, Allow<Disabled>)>();
+    let [mut particles, mut nets, mut planes]: [Vec<Entity>; 3] = [
+        all_particles.iter(world).collect(),
+        all_nets.iter(world).collect(),
+        all_planes.iter(world).collect(),
+    ];
     match scope {
         Scope::Everything => {}
         Scope::Entity(entity) => {
             particles.retain(|other| *other == entity);
+            nets.retain(|other| *other == entity);
             planes.retain(|other| *other == entity);
         }
         Scope::Net(entity) => {
             let net = net_of(world, entity);
             particles.retain(|particle| net.contains(particle));
+            nets.retain(|other| net.contains(other));
             planes.clear();
         }
     }
-    (particles, planes)
+    Members { particles, nets, planes }
 }
 
-/// The entities that springs join to one, and itself.
+/// The entities that springs and bends join to one, and itself.
 fn net_of(world: &mut World, entity: Entity) -> EntityHashSet {
     let mut joined: EntityHashMap<Vec<Entity>> = EntityHashMap::default();
     let mut springs = world.query_filtered::<&Spring, Allow<Disabled>>();
     for &Spring { particles: [first, second], .. } in springs.iter(world) {
         joined.entry(first).or_default().push(second);
         joined.entry(second).or_default().push(first);
+    }
+    let mut parts = world.query_filtered::<(Entity, &PartOf), Allow<Disabled>>();
+    for (part, &PartOf(net)) in parts.iter(world) {
+        joined.entry(part).or_default().push(net);
+        joined.entry(net).or_default().push(part);
+    }
+    let mut bends = world.query_filtered::<&Bend, Allow<Disabled>>();
+    for &Bend { particles: [first, middle, last], .. } in bends.iter(world) {
+        for (one, other) in [(first, middle), (middle, last)] {
+            joined.entry(one).or_default().push(other);
+            joined.entry(other).or_default().push(one);
+        }
     }
     let mut net = EntityHashSet::default();
     let mut found = vec![entity];
@@ -98,6 +132,8 @@ fn net_of(world: &mut World, entity: Entity) -> EntityHashSet {
 /// A particle on its way.
 struct Traveller {
     entity: Entity,
+    /// Its number in the net of the entity; `None` of a loose particle.
+    number: Option<usize>,
     /// Number of its ancestors.
     depth: usize,
     slot: Option<usize>,
@@ -110,7 +146,7 @@ struct Traveller {
 fn move_particles(
     world: &mut World,
     state: &mut MassSpringState,
-    particles: &[Entity],
+    (particles, nets): (&[Entity], &[Entity]),
     motion: &RigidMotion,
     forgets_contacts: bool,
 ) {
@@ -134,9 +170,10 @@ fn move_particles(
                 None => to_world(&frame, translation).as_dvec3(),
             };
             let is_rounded = depth == 0 && world.entity(entity).contains::<Pinned>();
-            Some(Traveller { entity, depth, slot, is_rounded, place: motion.apply(place) })
+            Some(Traveller { entity, number: None, depth, slot, is_rounded, place: motion.apply(place) })
         })
         .collect();
+    nets.iter().for_each(|net| add_net(world, state, *net, view, motion, &mut travellers));
     // Parents first: a particle may be the parent of another.
     travellers.sort_by_key(|traveller| traveller.depth);
     round_nets(state, &mut world.resource_mut::<Simulation>(), &mut travellers);
@@ -148,6 +185,61 @@ fn move_particles(
     for traveller in &travellers {
         arrive(world, state, traveller, motion, view, forgets_contacts);
     }
+}
+
+/// Adds the particles of a net.
+fn add_net(
+    world: &World,
+    state: &MassSpringState,
+    entity: Entity,
+    view: View,
+    motion: &RigidMotion,
+    travellers: &mut Vec<Traveller>,
+) {
+    let Some(net) = world.get::<ParticleNet>(entity) else { return };
+    let place = state.nets.get(entity).and_then(|known| known.place.as_ref());
+    for (number, position) in net.positions().iter().enumerate() {
+        let slot = place.map(|place| place.slot(number));
+        let known = slot.map(|slot| state.solver.particles.position.get(slot));
+        let known = known.filter(|known| view.to_world(*known, *position) == *position);
+        let place = match known {
+            Some(known) => known.as_dvec3() + view.origin.as_dvec3(),
+            None => position.as_dvec3(),
+        };
+        let is_rounded = net.is_pinned(number as u32);
+        let place = motion.apply(place);
+        travellers.push(Traveller { entity, number: Some(number), depth: 0, slot, is_rounded, place });
+    }
+}
+
+/// Moves the entity of a net and its parts along, so that nothing pinned seems to have moved. Those with a parent are
+/// where that is.
+fn move_frame(world: &mut World, state: &mut MassSpringState, net: Entity, motion: &RigidMotion) {
+    let parts = world.get::<Parts>(net).map(|parts| parts.entities().to_vec()).unwrap_or_default();
+    for entity in std::iter::once(net).chain(parts) {
+        if world.get::<ChildOf>(entity).is_some() {
+            continue;
+        }
+        let Some(mut transform) = world.get_mut::<Transform>(entity) else { continue };
+        transform.translation = motion.apply(transform.translation.as_dvec3()).as_vec3();
+        transform.rotation = motion.turn_rotation(transform.rotation);
+        let present = (transform.translation, transform.rotation);
+        if let Some(mut part) = world.get_mut::<PartState>(entity) {
+            part.written = part.written.map(|_| present);
+        }
+    }
+    let now = net_frame(world, net);
+    for known in state.nets.entries.iter_mut().filter(|known| known.entity == net) {
+        known.frame = known.frame.and(now);
+    }
+}
+
+/// Where the entity of a net is in the world.
+fn net_frame(world: &World, net: Entity) -> Option<[f32; 12]> {
+    let (frame, _) = frame_of(world, net);
+    let (_, rotation, translation) =
+        (frame * world.get::<Transform>(net)?.compute_affine()).to_scale_rotation_translation();
+    Some(Affine3A::from_rotation_translation(rotation, translation).to_cols_array())
 }
 
 /// Moves each net by what the place of its first pinned particle is rounded, so that the two agree exactly.
@@ -194,14 +286,18 @@ fn move_origin(state: &mut MassSpringState, travellers: &[Traveller]) {
 fn arrive(
     world: &mut World,
     state: &mut MassSpringState,
-    &Traveller { entity, depth, slot, place, .. }: &Traveller,
+    &Traveller { entity, number, depth, slot, place, .. }: &Traveller,
     motion: &RigidMotion,
     view: View,
     forgets_contacts: bool,
 ) {
+    let position = view.flatten((place - view.origin.as_dvec3()).as_vec3());
+    if let Some(number) = number {
+        arrive_in_net(world, state, (entity, number, slot), position, motion, (view, forgets_contacts));
+        return;
+    }
     let (frame, _) = frame_of(world, entity);
     let seen = view.frame_to_solver(frame);
-    let position = view.flatten((place - view.origin.as_dvec3()).as_vec3());
     let mut entity = world.entity_mut(entity);
     let is_pinned = entity.contains::<Pinned>();
     let Some(mut transform) = entity.get_mut::<Transform>() else { return };
@@ -226,6 +322,29 @@ fn arrive(
     if let Some(velocity) = velocity {
         state.solver.particles.velocity.set(slot, velocity);
     }
+}
+
+fn arrive_in_net(
+    world: &mut World,
+    state: &mut MassSpringState,
+    (entity, number, slot): (Entity, usize, Option<usize>),
+    position: Vec3,
+    motion: &RigidMotion,
+    (view, forgets_contacts): (View, bool),
+) {
+    let Some(mut net) = world.get_mut::<ParticleNet>(entity) else { return };
+    let is_pinned = net.is_pinned(number as u32);
+    let translation = view.to_world(position, net.positions()[number]);
+    let velocity = view.flatten(motion.turn(net.velocities()[number]));
+    net.positions_mut()[number] = translation;
+    net.velocities_mut()[number] = velocity;
+    let Some(slot) = slot else { return };
+    let position = if is_pinned { view.to_solver(translation) } else { position };
+    match forgets_contacts {
+        true => state.solver.teleport(slot, position),
+        false => state.solver.carry(slot, position, |vector| motion.turn(vector)),
+    }
+    state.solver.particles.velocity.set(slot, velocity);
 }
 
 /// The translation of a particle that the solver has at `position`; `present` is the one that it has.

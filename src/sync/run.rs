@@ -6,11 +6,11 @@ use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
 use crate::collider::{CollisionSettings, Contact};
-use crate::environment::Environment;
+use crate::environment::{Environment, Gusts};
 use crate::report::{SpringForces, TickReport};
 use crate::settings::{Dimensions, SolverSettings};
 use crate::solver::{
-    MAX_SUBSTEPS, Measurements, PairRules, Plan, StepSettings, SubstepMode, Version, measure, step,
+    self, MAX_SUBSTEPS, Measurements, PairRules, Plan, StepSettings, SubstepMode, Version, measure, step,
 };
 
 use super::Simulation;
@@ -42,7 +42,7 @@ pub(super) fn run_step(
     report.tick += 1;
     (report.integrator, report.substeps) = (integrator, substeps);
     (report.stiff_substeps, report.stiff_springs) = (stiff_substeps, stiff_springs);
-    report.particles = state.particles.live();
+    report.particles = state.particles.live() - state.nets.quarantined;
     report.springs = state.springs.live();
     report.contacts = outputs.contact_count;
     report.gather_time = gathered.start.map_or(Duration::ZERO, |gather_start| start - gather_start);
@@ -78,8 +78,9 @@ impl Configuration<'_, '_> {
     fn settings(&self, complaints: &mut Vec<String>) -> StepSettings {
         let mut environment = *self.environment;
         if let Err(problem) = environment.validate() {
-            complaints.push(format!("Environment: {problem}; neither gravity nor viscosity acts"));
-            environment = Environment { gravity: Vec3::ZERO, viscosity: 0.0, ..environment };
+            complaints.push(format!("Environment: {problem}; neither gravity nor viscosity nor air acts"));
+            let (gravity, viscosity, air_density) = (Vec3::ZERO, 0.0, 0.0);
+            environment = Environment { gravity, viscosity, air_density, gusts: None, ..environment };
         }
         let mut collisions = *self.collisions;
         if let Err(problem) = collisions.validate() {
@@ -89,6 +90,7 @@ impl Configuration<'_, '_> {
         }
         if *self.dimensions == Dimensions::Two {
             environment.gravity.z = 0.0;
+            environment.wind.z = 0.0;
         }
         let SolverSettings { integrator, substeps } = *self.solver;
         if substeps == SubstepMode::Fixed(0) {
@@ -102,9 +104,18 @@ impl Configuration<'_, '_> {
             time_step: self.time.delta_secs(),
             gravity: environment.effective_gravity(),
             viscosity: environment.effective_viscosity(),
+            wind: environment.wind,
+            air_density: environment.effective_air_density(),
+            gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
             collide_with_planes: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
         }
+    }
+
+    /// The gusts, which stay in the plane of motion.
+    fn gusts(&self, Gusts { strength, length, time, seed }: Gusts) -> solver::Gusts {
+        let z = if *self.dimensions == Dimensions::Two { 0.0 } else { strength };
+        solver::Gusts { strength: Vec3::new(strength, strength, z), length, time, seed }
     }
 
     /// Logs complaints that were not logged in the last tick.

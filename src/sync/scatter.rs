@@ -20,6 +20,7 @@ use crate::spring::{Broken, Spring};
 use super::Simulation;
 use super::gather::{Gathered, MIN_SHARED, ROWS};
 use super::hierarchy::world_transform;
+use super::nets::GatheredNets;
 use super::planes::GatheredPlanes;
 use super::registry::Slot;
 use super::state::MassSpringState;
@@ -45,7 +46,7 @@ pub(super) fn scatter(
     simulation: Res<Simulation>,
     state: Res<MassSpringState>,
     mut gathered: ResMut<Gathered>,
-    planes: Res<GatheredPlanes>,
+    (planes, nets): (Res<GatheredPlanes>, Res<GatheredNets>),
     mut queries: ParticleQueries,
     parents: Query<&ChildOf, Allow<Disabled>>,
     dimensions: Res<Dimensions>,
@@ -56,12 +57,12 @@ pub(super) fn scatter(
     let view = View::new(state.solver.origin, *dimensions);
     scatter_particles(&state.solver.particles, view, &mut gathered, &mut queries, &parents);
     publications.report_faults(&state, &mut gathered.faults, &mut report);
-    publications.report_failures(&state, &simulation.outputs, &mut report);
+    publications.report_failures(&state, &nets, &simulation.outputs, &mut report);
     if let Some(messages) = &mut publications.contacts {
-        messages.write_batch(merged_contacts(&simulation.outputs, &state, &planes.0));
+        messages.write_batch(merged_contacts(&simulation.outputs, &state, &nets, &planes.0));
     }
     if let Some(forces) = &mut publications.forces {
-        publish_forces(&simulation.outputs, &state, forces);
+        publish_forces(&simulation.outputs, &state, &nets, forces);
     }
     report.scatter_time = start.elapsed();
 }
@@ -169,7 +170,7 @@ impl Publications<'_, '_> {
                 "particle {particle} became non-finite in tick {} and was taken out of the simulation",
                 report.tick
             );
-            self.faults.write(ParticleFault { particle, tick: report.tick });
+            self.faults.write(ParticleFault { particle, index: None, tick: report.tick });
             self.commands.entity(particle).try_insert(Quarantined);
             report.faults += 1;
         }
@@ -178,12 +179,22 @@ impl Publications<'_, '_> {
 
 impl Publications<'_, '_> {
     /// Publishes which springs broke, and writes how far others have yielded.
-    fn report_failures(&mut self, state: &MassSpringState, outputs: &Outputs, report: &mut TickReport) {
+    fn report_failures(
+        &mut self,
+        state: &MassSpringState,
+        nets: &GatheredNets,
+        outputs: &Outputs,
+        report: &mut TickReport,
+    ) {
         for broken in &outputs.broken {
             let entity = state.springs.slots[broken.spring];
+            // Nets come apart after their arrays were written.
+            if nets.contains(entity) {
+                continue;
+            }
             let (tick, tension, point) = (report.tick, broken.tension, broken.point + state.solver.origin);
             self.commands.entity(entity).try_insert(Broken);
-            self.commands.trigger(Broke { entity, tick, tension, point });
+            self.commands.trigger(Broke { entity, tick, tension, point, spring: None, pieces: None });
             report.broken += 1;
         }
         for &slot in &outputs.yielded {
@@ -199,30 +210,46 @@ impl Publications<'_, '_> {
 }
 
 /// One contact for each touching pair: the last record of the tick with the impulses of all substeps.
-fn merged_contacts(outputs: &Outputs, state: &MassSpringState, planes: &[Entity]) -> Vec<Contact> {
+fn merged_contacts(
+    outputs: &Outputs,
+    state: &MassSpringState,
+    nets: &GatheredNets,
+    planes: &[Entity],
+) -> Vec<Contact> {
     let mut records: Vec<&ContactRecord> = outputs.contacts.iter().collect();
     records.sort_by_key(|record| (record.slot, record.other));
     let pairs = records.chunk_by(|one, next| (one.slot, one.other) == (next.slot, next.other));
     pairs
         .filter_map(|substeps| {
             let last = substeps.last()?;
-            let other = match last.other {
-                ContactPartner::Plane(plane) => *planes.get(plane)?,
-                ContactPartner::Particle(slot) => *state.particles.slots.get(slot)?,
+            let particle_in = |slot: usize| {
+                let entity = *state.particles.slots.get(slot)?;
+                Some((entity, nets.particle_at(state, entity, slot)))
+            };
+            let (other, other_index) = match last.other {
+                ContactPartner::Plane(plane) => (*planes.get(plane)?, None),
+                ContactPartner::Particle(slot) => particle_in(slot)?,
             };
             let impulse = substeps.iter().map(|record| record.impulse).sum();
-            let particle = *state.particles.slots.get(last.slot)?;
+            let (particle, index) = particle_in(last.slot)?;
             let point = last.point + state.solver.origin;
-            Some(Contact { particle, other, point, normal: last.normal, impulse })
+            Some(Contact { particle, index, other, other_index, point, normal: last.normal, impulse })
         })
         .collect()
 }
 
 /// Tensions and reactions, by entity.
-fn publish_forces(outputs: &Outputs, state: &MassSpringState, forces: &mut SpringForces) {
+fn publish_forces(
+    outputs: &Outputs,
+    state: &MassSpringState,
+    nets: &GatheredNets,
+    forces: &mut SpringForces,
+) {
     let springs = state.springs.slots.iter().copied().zip(outputs.tensions.iter().copied());
     forces.tensions.clear();
-    forces.tensions.extend(springs.filter(|(spring, _)| *spring != Entity::PLACEHOLDER));
+    forces
+        .tensions
+        .extend(springs.filter(|(spring, _)| *spring != Entity::PLACEHOLDER && !nets.contains(*spring)));
     let reactions = outputs.reactions.iter().map(|(slot, force)| (state.particles.slots[*slot], *force));
     forces.reactions.clear();
     forces.reactions.extend(reactions.filter(|(particle, _)| *particle != Entity::PLACEHOLDER));

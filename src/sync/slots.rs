@@ -5,7 +5,9 @@ use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
+use crate::nets::{PartOf, PartState, ParticleNet};
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::settings::OrphanedSprings;
@@ -13,6 +15,8 @@ use crate::solver;
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::bends::BendData;
+use super::nets::{GatheredNets, NetData};
 use super::registry::{Entry, Slot};
 use super::snapshot::InitialState;
 use super::springs::{Edits, parameters, resolve_spring};
@@ -34,14 +38,24 @@ pub(super) type ParticleData = (
 
 type SpringData = (&'static Spring, (Has<Disabled>, Has<Broken>), &'static mut Slot<Spring>);
 
-type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<PlaneCollider>)>;
+/// All nets.
+pub(super) type NetQuery<'w, 's> = Query<'w, 's, NetData, Allow<Disabled>>;
+
+/// A part, and the net of which it is one.
+pub(super) type PartOfNet = (&'static PartOf, &'static mut PartState);
+
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<PlaneCollider>)>;
 
 /// All entities that may have a slot.
 #[derive(SystemParam)]
 pub(super) struct Candidates<'w, 's> {
     pub particles: Query<'w, 's, ParticleData, Allow<Disabled>>,
     pub springs: Query<'w, 's, SpringData, Allow<Disabled>>,
-    orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
+    pub nets: NetQuery<'w, 's>,
+    pub parts: Query<'w, 's, PartOfNet, Allow<Disabled>>,
+    pub all_nets: Query<'w, 's, Entity, (With<ParticleNet>, Allow<Disabled>)>,
+    pub bends: Query<'w, 's, BendData, Allow<Disabled>>,
+    pub orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
     /// All of these, and the planes.
     pub all: Query<'w, 's, (Entity, Has<PlaneCollider>), (IsRegistered, Allow<Disabled>)>,
 }
@@ -51,8 +65,8 @@ pub(super) struct Candidates<'w, 's> {
 pub(super) struct Bookkeeping<'w, 's> {
     pub warnings: ResMut<'w, Warnings>,
     pub initial: ResMut<'w, InitialState>,
-    orphaned_springs: Res<'w, OrphanedSprings>,
-    commands: Commands<'w, 's>,
+    pub orphaned_springs: Res<'w, OrphanedSprings>,
+    pub commands: Commands<'w, 's>,
 }
 
 pub(super) fn check_particle(
@@ -71,14 +85,17 @@ pub(super) fn refresh_slots(
     simulation: &mut Simulation,
     mut edits: Edits,
     candidates: Candidates,
+    nets: &mut GatheredNets,
     bookkeeping: &mut Bookkeeping,
 ) {
     let was_replaced = state.version != simulation.version;
+    nets.check_nets(state, was_replaced, &candidates.nets);
     let mut assignment = Assignment { state, simulation, candidates, bookkeeping };
     if was_replaced {
         assignment.adopt();
         edits.retry = true;
     }
+    let (net_particles, net_springs) = assignment.pending_nets();
     let Assignment { state, candidates: Candidates { particles, .. }, .. } = &mut assignment;
     let is_corrected = |entity: &Entity| {
         particles.get(*entity).is_ok_and(|(particle, transform, velocity, ..)| {
@@ -86,16 +103,21 @@ pub(super) fn refresh_slots(
         })
     };
     state.is_outdated |= state.excluded.iter().any(is_corrected);
-    state.is_outdated |= state.particles.is_fragmented(MAX_FRAGMENTATION);
-    state.is_outdated |= state.springs.is_fragmented(MAX_FRAGMENTATION);
+    state.is_outdated |= state.particles.is_fragmented(net_particles, MAX_FRAGMENTATION);
+    state.is_outdated |= state.springs.is_fragmented(net_springs, MAX_FRAGMENTATION);
+    state.is_outdated |= state.bends.all.is_fragmented(0, MAX_FRAGMENTATION);
+    edits.retry |= state.bends.all.pending() > 0;
+    let pending = state.particles.pending() + state.springs.pending() + state.broken.len();
+    let any_pending = pending > 0 || state.nets.is_pending;
     if state.is_outdated {
         assignment.assign_all();
-    } else if state.particles.pending() + state.springs.pending() + state.broken.len() > 0 || edits.retry {
+    } else if any_pending || edits.retry {
         assignment.update(&edits);
     }
     if !assignment.state.despawned.is_empty() {
         assignment.state.despawned.clear();
     }
+    nets.refresh(assignment.state);
 }
 
 /// The slots and the entities that get them.
@@ -116,12 +138,16 @@ impl Assignment<'_, '_, '_, '_, '_> {
         state.broken.clear();
         self.simulation.fresh.clear();
         let old_entities = std::mem::take(&mut state.particles.slots);
-        let old_positions = state.solver.particles.position.clone();
-        let old_springs = state.springs.slots.iter().copied();
+        let old_nets = self.take_nets();
+        let state = &mut *self.state;
+        let old_springs = state.springs.slots.iter().copied().zip(old_nets.springs.iter().copied());
         let old_springs: Vec<(Entity, solver::Spring)> =
-            old_springs.zip(state.solver.past_springs()).collect();
+            old_springs.filter(|(entity, _)| self.candidates.springs.contains(*entity)).collect();
         state.particles.reset_slots();
         state.springs.reset_slots();
+        let past_bends = self.past_bends();
+        let state = &mut *self.state;
+        state.bends.reset_slots();
         let pulls = state.solver.take_pulls();
         state.solver.clear();
         let order_of =
@@ -129,16 +155,21 @@ impl Assignment<'_, '_, '_, '_, '_> {
         if !self.candidates.orders.is_empty() {
             state.particles.entries.sort_by_cached_key(order_of);
             state.springs.entries.sort_by_cached_key(order_of);
+            state.bends.all.entries.sort_by_cached_key(order_of);
         }
 
         let mut new_slots = vec![None; old_entities.len()];
         self.add_particles(|entity, old, new| {
             let old = old.filter(|old| old_entities.get(*old) == Some(&entity))?;
             new_slots[old] = Some(new as u32);
-            Some(old_positions.get(old))
+            Some(old_nets.positions.get(old))
         });
+        self.add_nets(old_nets, &mut new_slots);
+        self.place_parts();
         self.add_new_springs();
         self.remember_springs(&old_springs);
+        self.add_bends(false);
+        self.remember_bends(&past_bends);
         self.state.solver.renumber_contacts(&new_slots);
         self.state.solver.put_back_pulls(pulls, &new_slots);
         if let Some(order) = self.simulation.caches.better_order(&self.state.solver) {
@@ -169,6 +200,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
             }
         }
         self.state.solver.renumber(&new_slots);
+        let places = self.state.nets.entries.iter_mut().filter_map(|net| net.place.as_mut());
+        places.for_each(|place| place.renumber(&new_slots));
+        self.place_parts();
     }
 
     /// Empties the slots of what was removed and appends what was added.
@@ -186,7 +220,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
         for &spring in &edits.relinked {
             self.suspend(spring);
         }
+        let old_nets = self.remove_nets();
+        self.remove_bends(&edits.relinked_bends);
         self.add_particles(|_, _, _| None);
+        let any_nets = self.state.nets.is_pending;
+        self.add_nets(old_nets, &mut []);
+        if any_nets || edits.retry {
+            self.place_parts();
+        }
         // Springs that have been pending for long stay so where no particle was added for which they might wait.
         let any_added = self.state.particles.slots.len() > present;
         let first = if any_added || edits.retry || !self.state.despawned.is_empty() { 0 } else { waited };
@@ -194,15 +235,17 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.add_spring(spring);
         }
         self.add_new_springs();
+        self.add_bends(first == 0);
     }
 
-    /// Empties the slot of a particle; its springs are pending from now on.
+    /// Empties the slot of a particle; its springs and bends are pending from now on.
     fn remove_particle(&mut self, slot: usize) {
         if !self.state.particles.vacate(slot) {
             return;
         }
         let springs = self.simulation.caches.springs_at(&self.state.solver, slot);
         self.state.solver.remove_particle(slot);
+        self.suspend_bends_at(slot);
         for spring in springs {
             self.suspend(self.state.springs.slots[spring]);
         }
@@ -292,7 +335,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
 
     /// Gives a spring a slot, or leaves it pending.
     fn add_spring(&mut self, entity: Entity) {
-        let Candidates { particles, springs, .. } = &mut self.candidates;
+        let Candidates { particles, parts, springs, .. } = &mut self.candidates;
         let Ok((spring, (is_disabled, is_broken), mut slot)) = springs.get_mut(entity) else { return };
         if slot.get().is_some() {
             return;
@@ -307,7 +350,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
             self.state.pending.push(entity);
             return;
         }
-        match resolve_spring(spring, particles) {
+        match resolve_spring(spring, particles, parts) {
             Ok(Some(ends)) => {
                 slot.set(Some(self.state.springs.slots.len()));
                 self.state.springs.slots.push(entity);

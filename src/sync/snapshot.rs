@@ -3,13 +3,15 @@
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities, SceneEntityMapper};
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
-use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::nets::{PartState, ParticleNet, Parts};
+use crate::particle::{AppliedForce, Particle, ParticleVelocity};
 use crate::report::TickReport;
 use crate::solver::Measurements;
-use crate::spring::{Broken, Spring};
+use crate::spring::Spring;
 
-use super::easing;
+use super::records::{NetRecord, PartRecord, ParticleRecord, PlaneRecord, SpringRecord};
 use super::state::MassSpringState;
 
 /// All that the next ticks of the simulation depend on, but for settings and [`Environment`](crate::Environment).
@@ -38,41 +40,12 @@ use super::state::MassSpringState;
 pub struct Snapshot {
     particles: Vec<ParticleRecord>,
     springs: Vec<SpringRecord>,
+    nets: Vec<NetRecord>,
+    parts: Vec<PartRecord>,
+    bends: Vec<(Entity, Bend)>,
     planes: Vec<PlaneRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
-}
-
-/// The components of a spring.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct SpringRecord {
-    entity: Entity,
-    spring: Spring,
-    is_broken: bool,
-}
-
-/// The components of a particle.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct ParticleRecord {
-    entity: Entity,
-    particle: Particle,
-    translation: Vec3,
-    velocity: ParticleVelocity,
-    force: Option<AppliedForce>,
-    is_pinned: bool,
-    is_quarantined: bool,
-}
-
-/// The components of a plane.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-struct PlaneRecord {
-    entity: Entity,
-    plane: PlaneCollider,
-    translation: Vec3,
-    rotation: Quat,
 }
 
 /// Why a [`Snapshot`] does not fit into a world.
@@ -80,7 +53,7 @@ struct PlaneRecord {
 #[error("the snapshot has {expected} {what}, the world {found}")]
 #[non_exhaustive]
 pub struct SnapshotError {
-    /// Particles, springs or planes.
+    /// Particles, springs, bends, nets, parts or planes.
     pub what: &'static str,
     /// Their number in the snapshot.
     pub expected: usize,
@@ -89,7 +62,7 @@ pub struct SnapshotError {
 }
 
 impl Snapshot {
-    /// Takes a snapshot of all particles, springs and planes. It changes nothing.
+    /// Takes a snapshot of all particles, springs, bends, nets and planes. It changes nothing.
     ///
     /// Between two ticks positions are those of the last one, not those that interpolation shows.
     ///
@@ -101,13 +74,19 @@ impl Snapshot {
         let particles = particles.filter_map(|entity| ParticleRecord::of(world, entity)).collect();
         let springs = state.springs.entities();
         let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
+        let nets = state.nets.entities().filter_map(|entity| NetRecord::of(world, entity)).collect();
         let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
-        Self { particles, springs, planes, state: Some(state.clone()) }
+        let parts_of = |net: Entity| world.get::<Parts>(net).map_or(&[][..], Parts::entities);
+        let parts = state.nets.entities().flat_map(|net| parts_of(net).iter().map(move |part| (net, *part)));
+        let parts = parts.filter_map(|(net, part)| PartRecord::of(world, net, part)).collect();
+        let bends = state.bends.all.entities();
+        let bends = bends.filter_map(|entity| Some((entity, *world.get::<Bend>(entity)?))).collect();
+        Self { particles, springs, bends, nets, parts, planes, state: Some(state.clone()) }
     }
 
-    /// Puts all particles, springs and planes of the snapshot back that still exist, and the solver with them.
+    /// Puts all particles, springs, bends, nets and planes of the snapshot back that still exist, and the solver with them.
     ///
-    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and the place and parameters of
+    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends and the place and parameters of
     /// planes return to what they were; particles that were quarantined and springs that broke
     /// since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
@@ -123,7 +102,7 @@ impl Snapshot {
     /// simulation there becomes the first one of the snapshot, and so on.
     ///
     /// # Errors
-    /// If the world has another number of particles, springs or planes. Nothing is changed then.
+    /// If the world has another number of particles, springs, bends, nets or planes. Nothing is changed then.
     ///
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
@@ -132,6 +111,9 @@ impl Snapshot {
         let pairs = [
             ("particles", self.particle_entities(), present.particle_entities()),
             ("springs", self.spring_entities(), present.spring_entities()),
+            ("nets", self.net_entities(), present.net_entities()),
+            ("parts", self.part_entities(), present.part_entities()),
+            ("bends", self.bend_entities(), present.bend_entities()),
             ("planes", self.plane_entities(), present.plane_entities()),
         ];
         let mut map = EntityHashMap::default();
@@ -156,12 +138,24 @@ impl Snapshot {
         self.springs.iter().map(|record| record.entity).collect()
     }
 
+    fn net_entities(&self) -> Vec<Entity> {
+        self.nets.iter().map(|record| record.entity).collect()
+    }
+
+    fn part_entities(&self) -> Vec<Entity> {
+        self.parts.iter().map(|record| record.entity).collect()
+    }
+
+    fn bend_entities(&self) -> Vec<Entity> {
+        self.bends.iter().map(|(entity, _)| *entity).collect()
+    }
+
     fn plane_entities(&self) -> Vec<Entity> {
         self.planes.iter().map(|record| record.entity).collect()
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, planes, state } = self;
+        let Self { particles, springs, bends, nets, parts, planes, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -170,6 +164,13 @@ impl Snapshot {
             }
         }
         springs.iter().for_each(|record| record.restore(world));
+        nets.into_iter().for_each(|record| record.restore(world));
+        parts.into_iter().for_each(|record| record.restore(world));
+        for (entity, recorded) in bends {
+            if let Some(mut bend) = world.get_mut::<Bend>(entity) {
+                bend.set_if_neq(recorded);
+            }
+        }
         planes.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
@@ -185,79 +186,17 @@ impl MapEntities for Snapshot {
             record.entity = mapper.get_mapped(record.entity);
             record.spring.map_entities(mapper);
         }
+        self.nets.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
+        for record in &mut self.parts {
+            (record.entity, record.net) = (mapper.get_mapped(record.entity), mapper.get_mapped(record.net));
+        }
+        for (entity, bend) in &mut self.bends {
+            *entity = mapper.get_mapped(*entity);
+            bend.map_entities(mapper);
+        }
         self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
             state.map_entities(mapper);
-        }
-    }
-}
-
-impl ParticleRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let entity = world.get_entity(entity).ok()?;
-        Some(Self {
-            entity: entity.id(),
-            particle: *entity.get()?,
-            translation: easing::exact_translation(world, entity)?,
-            velocity: *entity.get()?,
-            force: entity.get().copied(),
-            is_pinned: entity.contains::<Pinned>(),
-            is_quarantined: entity.contains::<Quarantined>(),
-        })
-    }
-
-    fn restore(&self, entity: &mut EntityWorldMut) {
-        entity.insert((self.particle, self.velocity));
-        if let Some(mut transform) = entity.get_mut::<Transform>() {
-            transform.translation = self.translation;
-        }
-        easing::reset(entity);
-        match self.force {
-            Some(force) => entity.insert(force),
-            None => entity.remove::<AppliedForce>(),
-        };
-        set_marker(entity, Pinned, self.is_pinned);
-        set_marker(entity, Quarantined, self.is_quarantined);
-    }
-}
-
-/// Inserts or removes a component without a value.
-fn set_marker<T: Component>(entity: &mut EntityWorldMut, marker: T, is_present: bool) {
-    match is_present {
-        true if entity.contains::<T>() => entity,
-        true => entity.insert(marker),
-        false => entity.remove::<T>(),
-    };
-}
-
-impl SpringRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let entity = world.get_entity(entity).ok()?;
-        Some(Self { entity: entity.id(), spring: *entity.get()?, is_broken: entity.contains::<Broken>() })
-    }
-
-    fn restore(&self, world: &mut World) {
-        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
-        if let Some(mut spring) = entity.get_mut::<Spring>() {
-            spring.set_if_neq(self.spring);
-            set_marker(&mut entity, Broken, self.is_broken);
-        }
-    }
-}
-
-impl PlaneRecord {
-    fn of(world: &World, entity: Entity) -> Option<Self> {
-        let transform = world.get::<Transform>(entity)?;
-        let plane = *world.get::<PlaneCollider>(entity)?;
-        Some(Self { entity, plane, translation: transform.translation, rotation: transform.rotation })
-    }
-
-    fn restore(&self, world: &mut World) {
-        if let Some(mut plane) = world.get_mut::<PlaneCollider>(self.entity) {
-            plane.set_if_neq(self.plane);
-            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
-                (transform.translation, transform.rotation) = (self.translation, self.rotation);
-            }
         }
     }
 }
@@ -269,10 +208,13 @@ pub(super) struct InitialState(Snapshot);
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        let Snapshot { particles, springs, planes, .. } = &self.0;
+        let Snapshot { particles, springs, bends, nets, planes, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
         let springs = springs.iter().map(|record| record.entity);
-        particles.chain(springs).chain(planes.iter().map(|record| record.entity)).collect()
+        let bends = bends.iter().map(|(entity, _)| *entity);
+        let nets = nets.iter().map(|record| record.entity);
+        let planes = planes.iter().map(|record| record.entity);
+        particles.chain(springs).chain(bends).chain(nets).chain(planes).collect()
     }
 
     pub fn record_particle(
@@ -301,6 +243,31 @@ impl InitialState {
         self.0.springs.push(SpringRecord { entity, spring, is_broken: false });
     }
 
+    pub fn record_net(&mut self, entity: Entity, net: &ParticleNet, transform: &Transform) {
+        let Transform { translation, rotation, .. } = *transform;
+        self.0.nets.push(NetRecord { entity, net: net.clone(), translation, rotation });
+    }
+
+    /// Records a part once.
+    pub fn record_part(
+        &mut self,
+        entity: Entity,
+        net: Entity,
+        (transform, velocity, force, is_pinned): (&Transform, Vec3, Option<AppliedForce>, bool),
+        state: &PartState,
+    ) {
+        if self.0.parts.iter().any(|record| record.entity == entity) {
+            return;
+        }
+        let (Transform { translation, rotation, .. }, state) = (*transform, state.clone());
+        let record = PartRecord { entity, net, translation, rotation, velocity, force, is_pinned, state };
+        self.0.parts.push(record);
+    }
+
+    pub fn record_bend(&mut self, entity: Entity, bend: Bend) {
+        self.0.bends.push((entity, bend));
+    }
+
     pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {
         let Transform { translation, rotation, .. } = *transform;
         self.0.planes.push(PlaneRecord { entity, plane, translation, rotation });
@@ -311,8 +278,10 @@ impl InitialState {
 pub(crate) fn take_initial_state(world: &mut World) {
     let snapshot = Snapshot::take(world);
     let mut state = world.resource_mut::<MassSpringState>();
-    let MassSpringState { particles, springs, planes, .. } = &mut *state;
-    particles.entries.iter_mut().chain(&mut springs.entries).for_each(|entry| entry.is_recorded = true);
+    let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *state;
+    nets.entries.iter_mut().for_each(|net| net.is_recorded = true);
+    let entries = particles.entries.iter_mut().chain(&mut springs.entries).chain(&mut bends.all.entries);
+    entries.for_each(|entry| entry.is_recorded = true);
     planes.iter_mut().for_each(|plane| plane.is_recorded = true);
     world.resource_mut::<InitialState>().0 = snapshot;
 }

@@ -7,12 +7,16 @@ use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
 use bevy::prelude::*;
 
+use crate::bend::Bend;
 use crate::collider::PlaneCollider;
+use crate::nets::ParticleNet;
 use crate::particle::Particle;
 use crate::solver::{Pose, State, Version};
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::bends::BendRegistry;
+use super::nets::NetRegistry;
 use super::registry::{Registry, Slot};
 
 /// What the simulation remembers from tick to tick beside the components: the order of particles and springs, where
@@ -20,8 +24,9 @@ use super::registry::{Registry, Slot};
 ///
 /// Rollback libraries and save games store a clone of it together with the components [`Particle`],
 /// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
-/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`PlaneCollider`] and
-/// `Transform` (that of parents, too). With all of these put back,
+/// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`Bend`],
+/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`PlaneCollider`] and `Transform` (that of parents, too). With
+/// all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
 /// [`Snapshot`](crate::snapshot::Snapshot) does all of that.
@@ -30,6 +35,9 @@ use super::registry::{Registry, Slot};
 pub struct MassSpringState {
     pub(super) particles: Registry,
     pub(super) springs: Registry,
+    /// The nets in the order of spawning.
+    pub(super) nets: NetRegistry,
+    pub(super) bends: BendRegistry,
     /// The planes in the order of spawning.
     pub(super) planes: Vec<RegisteredPlane>,
     /// Something happened that all slots depend on.
@@ -69,10 +77,13 @@ impl MassSpringState {
     pub(super) fn restart(&mut self) {
         self.particles.reset_slots();
         self.springs.reset_slots();
+        self.nets.reset_slots();
+        self.bends.reset_slots();
         self.planes.iter_mut().for_each(|plane| plane.last_pose = None);
         self.solver.clear();
         self.solver.origin = Vec3::ZERO;
         self.solver.forget_contacts();
+        self.solver.reset_air_clock();
         self.is_outdated = true;
         self.version = Version::new();
     }
@@ -82,6 +93,8 @@ impl MapEntities for MassSpringState {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
         self.particles.map_entities(mapper);
         self.springs.map_entities(mapper);
+        self.nets.map_entities(mapper);
+        self.bends.map_entities(mapper);
         for entity in self
             .planes
             .iter_mut()
@@ -202,12 +215,15 @@ pub(super) fn note_broken(
     }
 }
 
+/// What has a registry.
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<ParticleNet>)>;
+
 /// Takes note that the slots depend on what has just happened to `T`: [`Add`], [`Insert`] or [`Remove`].
 pub(super) fn mark_outdated<E: EntityEvent, T: Component>(
     event: On<E, T>,
     mut state: ResMut<MassSpringState>,
     mut simulation: ResMut<Simulation>,
-    registered: Query<(), (Or<(With<Slot<Particle>>, With<Slot<Spring>>)>, Allow<Disabled>)>,
+    registered: Query<(), (IsRegistered, Allow<Disabled>)>,
 ) {
     if registered.contains(event.event_target()) {
         state.is_outdated = true;
@@ -219,6 +235,7 @@ pub(super) fn mark_outdated<E: EntityEvent, T: Component>(
 pub(super) fn register_existing(world: &mut World) {
     register_all::<Particle>(world);
     register_all::<Spring>(world);
+    register_all::<Bend>(world);
     let mut planes = world.query_filtered::<Entity, (With<PlaneCollider>, Allow<Disabled>)>();
     let mut planes: Vec<Entity> = planes.iter(world).collect();
     planes.sort_unstable_by_key(|entity| entity.index_u32());

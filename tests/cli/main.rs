@@ -1,6 +1,7 @@
 //! The command line, run as a process: what it writes, what it refuses, and with which exit status.
 
 mod motion;
+mod nets;
 mod output;
 mod refusals;
 mod workplace;

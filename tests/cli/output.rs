@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::workplace::{Row, Workplace, errors, rows, shipped, status};
 
-const KEYS: [&str; 19] = [
+const KEYS: [&str; 21] = [
     "particles",
     "springs",
     "ticks",
@@ -27,7 +27,9 @@ const KEYS: [&str; 19] = [
     "milliseconds_per_tick",
     "milliseconds_per_step",
     "state_hash",
+    "nets",
     "broken",
+    "max_depth",
 ];
 
 #[test]

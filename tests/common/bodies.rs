@@ -1,7 +1,10 @@
 //! Balls and planes in the pure solver.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::nets::{Layout, Topology};
+use bevy_mass_spring::solver::{
+    Face, Filament, Gas, Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode, enclosed_volume,
+};
 
 /// The acceleration of gravity in these tests, m/s².
 pub const GRAVITY: f32 = 9.81;
@@ -92,4 +95,38 @@ pub fn position(state: &Solver, slot: usize) -> Vec3 {
 
 pub fn velocity(state: &Solver, slot: usize) -> Vec3 {
     state.velocity(slot)
+}
+
+/// Adds a net about a place, with all that its recipe says; some of its particles are pinned.
+pub fn add_net(solver: &mut Solver, topology: &Topology, place: Vec3, pinned: &[u32]) {
+    let first = solver.particle_count();
+    for ((number, position), mass) in (0..).zip(&topology.positions).zip(&topology.masses) {
+        let mass = if pinned.contains(&number) { f32::INFINITY } else { *mass };
+        solver.add_particle(place + *position, Vec3::ZERO, mass, topology.radius).unwrap();
+    }
+    for (ends, spring) in &topology.springs {
+        let ends = ends.map(|end| first + end as usize);
+        solver.add_spring(ends, *spring).unwrap();
+        if matches!(topology.layout, Layout::Rope { .. }) {
+            let filament = Filament { diameter: 2.0 * topology.radius, drag: topology.air.drag };
+            solver.add_filament(ends, filament).unwrap();
+        }
+    }
+    for (ends, rod) in &topology.rods {
+        solver.add_rod(ends.map(|end| first + end as usize), *rod).unwrap();
+    }
+    for (ends, hinge) in &topology.hinges {
+        solver.add_hinge(ends.map(|end| first + end as usize), *hinge).unwrap();
+    }
+    let face = Face { drag: topology.air.drag, lift: topology.air.lift };
+    let triangles: Vec<[usize; 3]> =
+        topology.triangles.iter().map(|corners| corners.map(|corner| first + corner as usize)).collect();
+    for triangle in &triangles {
+        solver.add_face(*triangle, face).unwrap();
+    }
+    if let Some(pressure) = topology.pressure {
+        let at_rest = |corner| topology.positions[corner as usize];
+        let rest_volume = enclosed_volume(&topology.triangles, at_rest) as f32;
+        solver.add_gas(&triangles, Gas { pressure, rest_volume }).unwrap();
+    }
 }

@@ -1,6 +1,7 @@
 //! Nets as meshes, in an app that has cameras and meshes but neither a window nor a renderer.
 
 mod easing;
+mod recipes;
 mod ropes;
 mod scene;
 mod surfaces;

@@ -48,6 +48,10 @@ fn the_defaults() {
         gravity_enabled: true,
         viscosity: 0.0,
         viscosity_enabled: true,
+        wind: Vec3::ZERO,
+        air_density: 0.0,
+        air_enabled: true,
+        gusts: None,
     };
     assert_eq!(scene.environment, environment);
     let solver =
@@ -101,15 +105,15 @@ fn shipped_scenes() -> Vec<PathBuf> {
 fn shipped_scenes_load_and_round_trip() {
     let files = shipped_scenes();
     let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
-    let expected = ["bounce", "chain", "net", "pendulum", "pile"].map(|name| format!("{name}.scene.ron"));
-    assert_eq!(names, expected);
+    let expected = ["balloon", "bounce", "chain", "flag", "jelly", "net", "pendulum", "pile", "rope", "tear"];
+    assert_eq!(names, expected.map(|name| format!("{name}.scene.ron")));
     for file in files {
         let text = std::fs::read_to_string(&file).unwrap();
         assert!(text.starts_with("// "), "{} begins with what to look at", file.display());
         let scene = MassSpringScene::read(&file).unwrap();
         assert_eq!(MassSpringScene::from_ron(&scene.to_ron()).unwrap(), scene, "{}", file.display());
     }
-    let chain = &shipped_scenes()[1];
+    let chain = &shipped_scenes()[2];
     let chain = MassSpringScene::read(chain).unwrap();
     assert_eq!((chain.particles.len(), chain.springs.len(), chain.planes.len()), (20, 19, 1));
     assert!(chain.particles[0].pinned && chain.particles[0].position == Vec3::new(0.0, 3.0, 0.0));

@@ -3,12 +3,13 @@
 
 use std::f32::consts::TAU;
 
-use bevy::math::{Quat, Vec3};
+use bevy::math::{Quat, UVec2, Vec3};
+use bevy_mass_spring::nets::{Balloon, Cloth, Rope, RopeMaterial};
 use bevy_mass_spring::solver::{
-    Integrator, PairRules, Plane, Solver, Spring, State, StepSettings, SubstepMode,
+    Gusts, Integrator, PairRules, Plane, Solver, Spring, State, StepSettings, SubstepMode,
 };
 
-use crate::common::bodies::solver_bits;
+use crate::common::bodies::{add_net, solver_bits};
 
 const RULES: PairRules = PairRules { restitution: 0.3, friction: 0.4 };
 
@@ -74,6 +75,19 @@ fn soft_and_stiff() -> Solver {
         let place = Vec3::new(0.3 * ball as f32 - 1.05, -0.3, 0.01 * ball as f32);
         solver.add_particle(place, Vec3::ZERO, 0.5, 0.1).unwrap();
     }
+    solver
+}
+
+/// A rope and a cloth that hang and resist bending, and a balloon that falls, above a floor.
+fn nets() -> Solver {
+    let mut solver = Solver::default();
+    solver.add_plane(Plane::resting(Vec3::NEG_Y * 0.6, Vec3::Y, 0.1, 0.4));
+    let rope = Rope::new(1.0).with_segments(12).with_material(RopeMaterial::NYLON);
+    add_net(&mut solver, &rope.topology().unwrap(), Vec3::new(-2.0, 1.0, 0.0), &[0, 1]);
+    let cloth = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Z, UVec2::new(5, 4));
+    add_net(&mut solver, &cloth.topology().unwrap(), Vec3::Y * 0.5, &[0, 5]);
+    let balloon = Balloon::default().with_subdivisions(1);
+    add_net(&mut solver, &balloon.topology().unwrap(), Vec3::X * 2.0, &[]);
     solver
 }
 
@@ -144,8 +158,13 @@ fn rewritten(state: &State) -> State {
 /// Runs `ticks` with the caches of the tick before, with new ones, and with a state that was written and read.
 /// Returns the number of contacts of all ticks.
 fn assert_caches_change_nothing(solver: Solver, integrator: Integrator, ticks: u32) -> usize {
+    assert_caches_change_nothing_in(solver, settings(integrator), ticks)
+}
+
+/// The same in other surroundings.
+fn assert_caches_change_nothing_in(solver: Solver, mut settings: StepSettings, ticks: u32) -> usize {
     let [mut plain, mut without, mut resumed] = [solver.clone(), solver.clone(), solver];
-    let mut settings = settings(integrator);
+    let integrator = settings.integrator;
     let mut contacts = 0;
     for tick in 0..ticks {
         without.drop_caches();
@@ -179,6 +198,20 @@ fn ticks_of_a_pile_with_ropes_depend_on_no_cache() {
     for integrator in Integrator::ALL {
         let contacts = assert_caches_change_nothing(pile_with_ropes(), integrator, 100);
         assert!(contacts > 3000, "{integrator}: {contacts}");
+    }
+}
+
+#[test]
+fn ticks_of_nets_in_gusty_wind_depend_on_no_cache() {
+    for integrator in Integrator::ALL {
+        let air = |settings: StepSettings| StepSettings {
+            wind: Vec3::new(3.0, 0.0, 1.0),
+            air_density: 1.2,
+            gusts: Some(Gusts { strength: Vec3::splat(2.0), length: 1.0, time: 0.5, seed: 7 }),
+            ..settings
+        };
+        let contacts = assert_caches_change_nothing_in(nets(), air(settings(integrator)), 40);
+        assert!(contacts > 0, "{integrator}: nothing touches");
     }
 }
 

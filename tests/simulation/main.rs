@@ -3,7 +3,10 @@
 //! Tests that do are binaries of their own: task pools of a given size (`determinism`, `edits`), the log
 //! (`logging`), the allocator (`allocations`), a display (`window`).
 
+mod air;
 mod ambiguity;
+mod bend_entities;
+mod bends;
 mod breaking;
 mod cables;
 mod caches;
@@ -18,10 +21,12 @@ mod energy;
 mod far;
 mod flatness;
 mod forces;
+mod gas;
 mod implicit_euler;
 mod islands;
 mod lifecycle;
 mod mixture;
+mod net_breaking;
 mod order;
 mod overlap;
 mod physics;
@@ -41,6 +46,8 @@ mod stage;
 mod stiff_contacts;
 mod strain_limit;
 mod sweeps;
+mod tears;
 mod teleports;
 mod trampoline;
 mod turning;
+mod winch;

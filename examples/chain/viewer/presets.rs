@@ -125,6 +125,7 @@ fn link(first: usize, second: usize, rest_length: f32, stiffness: f32, damping: 
         damping,
         tension_only: false,
         max_stretch: None,
+        breaking_force: None,
     }
 }
 

@@ -27,12 +27,13 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     let material = BalloonMaterial { area_density: 0.05, ..BalloonMaterial::LATEX };
     let red = stage.metal(Color::srgb(0.85, 0.08, 0.12));
     let balloon = Balloon::sphere(Sphere::new(RADIUS)).with_subdivisions(3).with_material(material);
+    let bottom = balloon.topology().map_or(0, |topology| topology.nearest(Vec3::NEG_Y * RADIUS).unwrap_or(0));
     // The lift of the air that it displaces, less the weight of the helium.
     let volume = Sphere::new(RADIUS).volume();
     let lift = AppliedForce(Vec3::Y * volume * (1.225 - 0.18) * 9.81);
-    let balloon = stage.spawn((balloon, NetMesh::default(), red, Transform::from_xyz(-0.7, 1.9, 0.0)));
+    let balloon = stage.spawn((balloon, NetMesh, red, Transform::from_xyz(-0.7, 1.9, 0.0)));
     stage.spawn((PartOf(balloon), Part::All, lift));
-    let knot = stage.spawn((PartOf(balloon), Part::Nearest(Vec3::NEG_Y * RADIUS)));
+    let knot = stage.spawn((PartOf(balloon), Part::Particle(bottom)));
     let white = stage.paint(Color::srgb(0.9, 0.9, 0.88));
     let string = Rope::between(Vec3::new(-0.7, 0.02, 0.0), Vec3::new(-0.7, 1.9 - RADIUS, 0.0))
         .with_segments(30)
@@ -47,10 +48,9 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     let blue = stage.metal(Color::srgb(0.1, 0.3, 0.8));
     let ball = Balloon::sphere(Sphere::new(0.45))
         .with_subdivisions(3)
-        .with_pressure(600.0)
-        .with_radius(0.02)
-        .with_material(material);
-    stage.spawn((ball, NetMesh::default(), blue, Transform::from_xyz(0.8, 0.48, 0.0)));
+        .with_material(BalloonMaterial { pressure: 600.0, ..material });
+    let ball = Balloon { radius: 0.02, ..ball };
+    stage.spawn((ball, NetMesh, blue, Transform::from_xyz(0.8, 0.48, 0.0)));
     let lead = stage.metal(Color::srgb(0.3, 0.3, 0.33));
     let weight = Mesh3d(stage.meshes.add(Sphere::new(0.18)));
     stage.spawn((Particle::new(3.0, 0.18), weight, lead, Transform::from_xyz(0.82, 1.9, 0.02)));
@@ -58,9 +58,9 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
 
 fn draw(mut ui: InMut<Ui>, mut balloons: Query<&mut Balloon>, mut environment: ResMut<Environment>) {
     for (mut balloon, name) in balloons.iter_mut().zip(["pressure, red", "pressure, blue"]) {
-        let mut pressure = balloon.pressure;
+        let mut pressure = balloon.material.pressure;
         if log_slider(&mut ui, name, "Pa", &mut pressure, 10.0..=3e3) {
-            balloon.pressure = pressure;
+            balloon.material.pressure = pressure;
         }
     }
     let mut wind = environment.wind.x;

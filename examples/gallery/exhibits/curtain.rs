@@ -53,7 +53,7 @@ fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>) {
         .with_cells(CELLS)
         .with_material(ClothMaterial { bending_stiffness: 4e-5, ..ClothMaterial::COTTON });
     let place = Transform::from_xyz(0.0, RAIL - 0.5 * HEIGHT, 0.0);
-    let curtain = stage.spawn((curtain, NetMesh::default(), velvet, place));
+    let curtain = stage.spawn((curtain, NetMesh, velvet, place));
     let ring_mesh = Mesh3d(stage.meshes.add(Torus { minor_radius: 0.008, major_radius: 0.045 }));
     for ring in 0..=RINGS {
         let share = ring as f32 / RINGS as f32;

@@ -23,7 +23,7 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     *environment = Environment {
         wind: Vec3::new(7.0, 0.0, 1.5),
         air_density: 1.225,
-        gusts: Some(Gusts { strength: 0.35, ..default() }),
+        gusts: Some(Gusts { strength: 3.0, ..default() }),
         ..default()
     };
     let steel = stage.metal(Color::srgb(0.75, 0.76, 0.78));
@@ -34,7 +34,7 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
         Cloth::sheet(Rectangle::new(1.8, 1.2)).with_spacing(0.045).with_material(ClothMaterial::COTTON);
     stage.spawn((
         flag,
-        NetMesh::default(),
+        NetMesh,
         paint,
         Transform::from_xyz(0.9, 2.9, 0.0),
         related!(Parts[(Part::Edge(Side::Left), Pinned)]),
@@ -45,7 +45,7 @@ fn draw(mut ui: InMut<Ui>, mut environment: ResMut<Environment>, mut flags: Quer
     let mut edited = *environment;
     slider(&mut ui, "wind", "m/s", &mut edited.wind.x, 0.0..=25.0);
     if let Some(gusts) = &mut edited.gusts {
-        slider(&mut ui, "gusts", "of the wind", &mut gusts.strength, 0.0..=1.0);
+        slider(&mut ui, "gusts", "m/s", &mut gusts.strength, 0.0..=10.0);
     }
     environment.set_if_neq(edited);
     for mut flag in &mut flags {

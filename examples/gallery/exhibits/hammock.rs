@@ -42,7 +42,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         .with_cells(CELLS)
         .with_radius(0.022)
         .with_material(ClothMaterial { stretch_stiffness: 3e4, ..ClothMaterial::DENIM });
-    let sheet = stage.spawn((sheet, NetMesh::default(), canvas, Transform::from_xyz(0.0, HEIGHT, 0.0)));
+    let sheet = stage.spawn((sheet, NetMesh, canvas, Transform::from_xyz(0.0, HEIGHT, 0.0)));
     let hemp = stage.paint(Color::srgb(0.72, 0.62, 0.42));
     for side in [-1.0, 1.0] {
         for string in 0..=STRINGS {

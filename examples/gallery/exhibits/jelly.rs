@@ -42,7 +42,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             retardation_time: 0.01,
         });
     let edges = [Side::Left, Side::Right, Side::Bottom, Side::Top];
-    let mat = stage.spawn((mat, NetMesh::default(), blue, Transform::from_xyz(0.0, 0.8, 0.0)));
+    let mat = stage.spawn((mat, NetMesh, blue, Transform::from_xyz(0.0, 0.8, 0.0)));
     for edge in edges {
         stage.spawn((PartOf(mat), Part::Edge(edge), Pinned));
     }
@@ -61,7 +61,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         let material = JellyMaterial { youngs_modulus: 2.5e4, ..JellyMaterial::GELATINE };
         stage.spawn((
             cube.with_material(material),
-            NetMesh::default(),
+            NetMesh,
             paint,
             Transform::from_translation(place).with_rotation(turn),
         ));

@@ -50,7 +50,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         .with_cells(cells)
         .with_radius(0.035)
         .with_material(ClothMaterial { area_density: 1.0, stretch_stiffness: 4e3, ..ClothMaterial::DENIM });
-    let cover = stage.spawn((cover, NetMesh::default(), ticking, Transform::from_xyz(0.0, HEIGHT, 0.0)));
+    let cover = stage.spawn((cover, NetMesh, ticking, Transform::from_xyz(0.0, HEIGHT, 0.0)));
     let steel = stage.metal(Color::srgb(0.62, 0.64, 0.68));
     let coil_mesh = Mesh3d(stage.meshes.add(coil_mesh()));
     for row in 0..=ROWS {

@@ -21,10 +21,10 @@ pub fn plugin(app: &mut App) {
 
 /// The number of pieces of the banner.
 #[derive(Resource)]
-struct Pieces(usize);
+struct Pieces(u32);
 
 fn count_pieces(broke: On<Broke>, mut pieces: ResMut<Pieces>) {
-    pieces.0 = broke.pieces;
+    pieces.0 = broke.pieces.unwrap_or(pieces.0);
 }
 
 fn spawn(mut stage: Stage, mut pieces: ResMut<Pieces>) {
@@ -41,7 +41,7 @@ fn spawn(mut stage: Stage, mut pieces: ResMut<Pieces>) {
         .with_material(ClothMaterial { stretch_stiffness: 3e3, area_density: 0.3, ..ClothMaterial::COTTON });
     stage.spawn((
         banner,
-        NetMesh::default(),
+        NetMesh,
         Breaking { strain: Some(0.25), ..default() },
         paint,
         Transform::from_xyz(0.0, 1.75, 0.0),

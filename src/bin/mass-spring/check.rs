@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 use std::fmt::{self, Write};
 use std::process::ExitCode;
 
-use bevy_mass_spring::scene::{MassSpringScene, SceneSolver};
+use bevy_mass_spring::ParticleNet;
+use bevy_mass_spring::scene::{MassSpringScene, SceneNet, SceneSolver};
 use bevy_mass_spring::solver::Plan;
 use bevy_mass_spring::{Integrator, SubstepMode};
 
 use crate::Failure;
 use crate::arguments::{CheckArguments, read_scene};
 use crate::output;
-use crate::plan::{initial_solver, plan, warnings};
+use crate::plan::{Content, plan, warnings};
 
 pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
     let scene = read_scene(&arguments.scene)?;
@@ -22,11 +23,21 @@ pub fn check(arguments: &CheckArguments) -> Result<ExitCode, Failure> {
 }
 
 fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
-    let mut solver = initial_solver(scene);
+    let content = Content::new(scene);
+    let mut solver = content.initial_solver();
     let bounds = solver.frequency_bounds(scene.environment.effective_viscosity());
-    let pinned = scene.particles.iter().filter(|particle| particle.pinned).count();
-    writeln!(text, "particles               {} ({pinned} pinned)", scene.particles.len())?;
-    writeln!(text, "springs                 {}", scene.springs.len())?;
+    let pinned_of_nets: usize = content.nets().iter().map(|net| net.pinned().len()).sum();
+    let pinned = scene.particles.iter().filter(|particle| particle.pinned).count() + pinned_of_nets;
+    writeln!(text, "particles               {} ({pinned} pinned)", scene.particle_count())?;
+    writeln!(text, "springs                 {}", solver.spring_count())?;
+    let topologies = content.nets().iter().map(ParticleNet::topology);
+    let bends_of_nets: usize = topologies.map(|net| net.rods.len() + net.hinges.len()).sum();
+    if !scene.bends.is_empty() || bends_of_nets > 0 {
+        writeln!(text, "bends                   {}", scene.bends.len() + bends_of_nets)?;
+    }
+    if !scene.nets.is_empty() {
+        writeln!(text, "nets                    {}", in_kinds(&scene.nets))?;
+    }
     writeln!(text, "planes                  {}", scene.planes.len())?;
     writeln!(text, "time step               {} s", significant(scene.solver.time_step))?;
     let omega = bounds.angular_frequency;
@@ -51,6 +62,26 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
         writeln!(text, "warning: {warning}")?;
     }
     Ok(())
+}
+
+/// How many there are, and of which kinds: `3 (2 ropes, 1 balloon)`.
+fn in_kinds(nets: &[SceneNet]) -> String {
+    let mut counts = [("rope", 0), ("cloth", 0), ("jelly", 0), ("balloon", 0)];
+    for net in nets {
+        let kind = match net {
+            SceneNet::Rope { .. } => 0,
+            SceneNet::Cloth { .. } => 1,
+            SceneNet::Jelly { .. } => 2,
+            SceneNet::Balloon { .. } => 3,
+        };
+        counts[kind].1 += 1;
+    }
+    let words = counts.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| match (*kind, *count) {
+        (kind, 1) => format!("1 {kind}"),
+        ("jelly", count) => format!("{count} jellies"),
+        (kind, count) => format!("{count} {kind}s"),
+    });
+    format!("{} ({})", nets.len(), words.collect::<Vec<_>>().join(", "))
 }
 
 /// Four significant digits, without an exponent where the number is of ordinary size.

@@ -4,6 +4,7 @@
 
 mod arguments;
 mod check;
+mod numbering;
 mod output;
 mod plan;
 mod run;

@@ -31,8 +31,11 @@ pub struct Summary {
     pub milliseconds_per_tick: f32,
     pub milliseconds_per_step: f32,
     pub state_hash: String,
+    pub nets: usize,
     /// Springs broken since the start.
     pub broken: usize,
+    /// How deep a particle is inside a collider, its radius counted, m.
+    pub max_depth: f64,
 }
 
 /// A file or stdout, opened for writing.

@@ -10,8 +10,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::RunArguments;
 use crate::output::{Sink, Sinks, Summary};
-use crate::plan::{initial_solver, plan, solver, warnings};
-use crate::simulation::{Simulation, state_hash};
+use crate::plan::{Content, plan, warnings};
+use crate::simulation::{ParticleState, Simulation, state_hash};
 use crate::{Failure, say};
 
 pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
@@ -19,7 +19,8 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
     let ticks = arguments.tick_count(scene.solver.time_step)?;
     // The last thing that can be refused: from here on, there is something to write.
     let Sinks { csv, json } = Sinks::open(arguments)?;
-    for warning in warnings(&scene, &mut initial_solver(&scene)) {
+    let content = Content::new(&scene);
+    for warning in warnings(&scene, &mut content.initial_solver()) {
         say(&format!("warning: {warning}"));
     }
     let mut simulation = Simulation::new(&scene, arguments.threads.map(usize::from));
@@ -39,7 +40,7 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
     }
     bar.finish_and_clear();
     recorder.finish()?;
-    let summary = summarize(&scene, ticks, &simulation, costs);
+    let summary = summarize(&content, ticks, &simulation, costs);
     if let Some(mut json) = json {
         json.write_summary(&summary)?;
         json.finish()?;
@@ -49,7 +50,10 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
 
 fn verdict(simulation: &Simulation, finite: bool) -> ExitCode {
     if let Some(fault) = simulation.fault() {
-        say(&format!("particle {} became non-finite in tick {}", fault.particle, fault.tick));
+        let of_net = fault
+            .net
+            .map_or_else(String::new, |(net, number)| format!(" (nets[{net}], its particle {number})"));
+        say(&format!("particle {}{of_net} became non-finite in tick {}", fault.particle, fault.tick));
     }
     if finite { ExitCode::SUCCESS } else { ExitCode::from(1) }
 }
@@ -100,23 +104,24 @@ struct Costs {
     steps: Vec<f32>,
 }
 
-fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs: Costs) -> Summary {
+fn summarize(content: &Content, ticks: u64, simulation: &Simulation, costs: Costs) -> Summary {
+    let scene = content.scene;
     let states = simulation.states();
     let state = |index: usize| [states[index].position, states[index].velocity];
-    let mut last = solver(scene, state);
+    let mut last = content.solver(state, &simulation.nets());
     simulation.broken_springs().for_each(|spring| last.remove_spring(spring));
     let totals = last.measure(scene.environment.effective_gravity());
     let report = simulation.report();
     let (integrator, substeps) = if report.tick == 0 {
-        let plan = plan(scene, &mut initial_solver(scene));
+        let plan = plan(scene, &mut content.initial_solver());
         (plan.integrator, plan.substeps)
     } else {
         (report.integrator, report.substeps)
     };
     let all_finite = states.iter().all(|state| state.position.is_finite() && state.velocity.is_finite());
     Summary {
-        particles: scene.particles.len(),
-        springs: scene.springs.len(),
+        particles: states.len(),
+        springs: last.spring_count(),
         ticks,
         time: ticks as f64 * scene.solver.time_step,
         integrator: integrator.to_string(),
@@ -133,8 +138,23 @@ fn summarize(scene: &MassSpringScene, ticks: u64, simulation: &Simulation, costs
         milliseconds_per_tick: median(costs.updates),
         milliseconds_per_step: median(costs.steps),
         state_hash: state_hash(&states),
+        nets: scene.nets.len(),
         broken: report.broken,
+        max_depth: max_depth(scene, &states, |index| last.radius(index)),
     }
+}
+
+/// How deep the surface of a particle is inside a plane, m; 0 if none is.
+fn max_depth(scene: &MassSpringScene, states: &[ParticleState], radius: impl Fn(usize) -> f32) -> f64 {
+    let mut deepest = 0.0_f64;
+    for plane in &scene.planes {
+        let Some(normal) = plane.unit_normal() else { continue };
+        for (index, state) in states.iter().enumerate() {
+            let height = (state.position.as_dvec3() - plane.point.as_dvec3()).dot(normal);
+            deepest = deepest.max(f64::from(radius(index)) - height);
+        }
+    }
+    deepest
 }
 
 fn milliseconds(duration: Duration) -> f32 {

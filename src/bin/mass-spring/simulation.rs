@@ -10,6 +10,8 @@ use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::scene::SpawnedScene;
 
+use crate::numbering::Numbering;
+
 /// Where a particle is, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParticleState {
@@ -20,8 +22,10 @@ pub struct ParticleState {
 /// The first particle that became non-finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fault {
-    /// Its index in the scene.
+    /// Its number in what is written.
     pub particle: usize,
+    /// The net that it belongs to, and its number there.
+    pub net: Option<(usize, u32)>,
     pub tick: u64,
 }
 
@@ -37,6 +41,7 @@ pub struct TickCost {
 /// The app, and what is known of it.
 pub struct Simulation {
     app: App,
+    scene: MassSpringScene,
     spawned: SpawnedScene,
     ticks: u64,
     fault: Option<Fault>,
@@ -69,7 +74,7 @@ impl Simulation {
         }
         // The first update only starts the clocks: it runs no tick.
         app.update();
-        Self { app, spawned, ticks: 0, fault: None }
+        Self { app, scene: scene.clone(), spawned, ticks: 0, fault: None }
     }
 
     /// Runs one fixed tick.
@@ -81,11 +86,36 @@ impl Simulation {
         assert_eq!(self.report().tick, self.ticks, "each update runs one tick");
         let world = self.app.world_mut();
         let first_fault = world.resource_mut::<Messages<ParticleFault>>().drain().next();
-        if let (None, Some(ParticleFault { particle, tick, .. })) = (self.fault, first_fault) {
-            let index = self.spawned.particles.iter().position(|&entity| entity == particle);
-            self.fault = index.map(|particle| Fault { particle, tick });
+        if let (None, Some(fault)) = (self.fault, first_fault) {
+            self.fault = self.locate(fault);
         }
         TickCost { update, step: self.report().step_time }
+    }
+
+    /// The numbers of what became non-finite.
+    fn locate(&self, fault: ParticleFault) -> Option<Fault> {
+        let ParticleFault { particle: entity, index, tick, .. } = fault;
+        let place = |entities: &[Entity]| entities.iter().position(|other| *other == entity);
+        match index {
+            None => Some(Fault { particle: place(&self.spawned.particles)?, net: None, tick }),
+            Some(number) => {
+                let net = place(&self.spawned.nets)?;
+                let particle = self.numbering().number(net, number as usize);
+                Some(Fault { particle, net: Some((net, number)), tick })
+            }
+        }
+    }
+
+    /// The nets as they are.
+    pub fn nets(&self) -> Vec<&ParticleNet> {
+        let world = self.app.world();
+        let net =
+            |entity: &Entity| world.get::<ParticleNet>(*entity).expect("nets are complete when spawned");
+        self.spawned.nets.iter().map(net).collect()
+    }
+
+    fn numbering(&self) -> Numbering {
+        Numbering::new(&self.scene, self.nets().iter().map(|net| net.len()))
     }
 
     /// What the last tick did.
@@ -110,14 +140,20 @@ impl Simulation {
         springs.filter(move |(_, spring)| is_broken(spring)).map(|(index, _)| index)
     }
 
-    /// The state of all particles, by their index in the scene.
+    /// The state of all particles, by their number.
     pub fn states(&self) -> Vec<ParticleState> {
         let world = self.app.world();
         let state = |&entity: &Entity| ParticleState {
             position: world.get::<Transform>(entity).map_or(Vec3::NAN, |transform| transform.translation),
             velocity: world.get::<ParticleVelocity>(entity).map_or(Vec3::NAN, |velocity| velocity.0),
         };
-        self.spawned.particles.iter().map(state).collect()
+        let mut states: Vec<ParticleState> = self.spawned.particles.iter().map(state).collect();
+        let nets = self.nets();
+        self.numbering().for_each(|net, particle| {
+            let (position, velocity) = (nets[net].positions()[particle], nets[net].velocities()[particle]);
+            states.push(ParticleState { position, velocity });
+        });
+        states
     }
 }
 

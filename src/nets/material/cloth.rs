@@ -6,10 +6,10 @@ use crate::parameter::{self, InvalidParameter};
 
 /// What a cloth is made of.
 ///
-/// Stiffnesses are forces per width, as fabric is measured (KES-F: 1 gf/cm = 0.981 N/m, 1 gf/(cm·°) of shear =
-/// 56.2 N/m, 1 gf·cm²/cm of bending = 9.81e-5 N·m). The constants of woven cloths are typical of the ranges in Kawabata,
-/// *The Standardization and Analysis of Hand Evaluation*, 2nd ed. 1980, as each says; those of films and sheets follow
-/// from modulus E, thickness t and Poisson's ratio 1/3: E t, 3/8 E t and E t³/12.
+/// Stiffnesses are forces per width, as fabric is measured (KES-F: 1 gf/cm = 0.981 N/m, 1 gf/(cm·°) of shear = 56.2
+/// N/m, 1 gf·cm²/cm of bending = 9.81e-5 N·m). The constants of woven cloths are typical of the ranges in Kawabata,
+/// *The Standardization and Analysis of Hand Evaluation*, 2nd ed. 1980, as each says; those of films and sheets
+/// follow from modulus E, thickness t and Poisson's ratio 1/3: E t, 3/8 E t and E t³/12.
 #[derive(Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq)]
@@ -20,8 +20,8 @@ pub struct ClothMaterial {
     /// Stretch stiffness K, N/m, > 0: a strip of width w and length l pulled by F along the threads, its sides free,
     /// lengthens by F l / (w K). Of a mesh: in every direction.
     pub stretch_stiffness: f32,
-    /// Shear stiffness G, N/m, >= 0: the shear force per width that turns warp against weft by one radian, and, as springs
-    /// have it, the Poisson coupling: Poisson's ratio is 2 G / (K + √(K² + 4 G²)). Meshes have 3/8 K
+    /// Shear stiffness G, N/m, >= 0: the shear force per width that turns warp against weft by one radian, and, as
+    /// springs have it, the Poisson coupling: Poisson's ratio is 2 G / (K + √(K² + 4 G²)). Meshes have 3/8 K
     /// instead.
     pub shear_stiffness: f32,
     /// Bending stiffness D, N·m, >= 0: a strip of width w under a moment M, its sides free, bends to the curvature
@@ -69,7 +69,8 @@ impl ClothMaterial {
         retardation_time: 1e-2,
     };
 
-    /// Denim: 400 g/m², 1.5 % at 490 N/m, shear 4 gf/(cm·°), bending 0.8 gf·cm²/cm (the stiff end of Kawabata's ranges).
+    /// Denim: 400 g/m², 1.5 % at 490 N/m, shear 4 gf/(cm·°), bending 0.8 gf·cm²/cm (the stiff end of Kawabata's
+    /// ranges).
     pub const DENIM: Self = Self {
         area_density: 0.4,
         stretch_stiffness: 3.3e4,
@@ -78,8 +79,8 @@ impl ClothMaterial {
         retardation_time: 1e-2,
     };
 
-    /// Leather of 1.2 mm: density 950 kg/m³, Young's modulus 0.1 GPa (Ashby, *Materials Selection in Mechanical Design*,
-    /// 4th ed., app. A: 810 to 1050 kg/m³, 0.1 to 0.5 GPa).
+    /// Leather of 1.2 mm: density 950 kg/m³, Young's modulus 0.1 GPa (Ashby, *Materials Selection in Mechanical
+    /// Design*, 4th ed., app. A: 810 to 1050 kg/m³, 0.1 to 0.5 GPa).
     pub const LEATHER: Self = Self {
         area_density: 1.14,
         stretch_stiffness: 1.2e5,
@@ -105,6 +106,17 @@ impl ClothMaterial {
         bending_stiffness: 3.3e-4,
         retardation_time: 1e-4,
     };
+
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 7] = [
+        ("SILK", Self::SILK),
+        ("COTTON", Self::COTTON),
+        ("WOOL", Self::WOOL),
+        ("DENIM", Self::DENIM),
+        ("LEATHER", Self::LEATHER),
+        ("RUBBER_SHEET", Self::RUBBER_SHEET),
+        ("PAPER", Self::PAPER),
+    ];
 
     /// Checks that all numbers are in their ranges.
     ///
@@ -165,6 +177,9 @@ impl BalloonMaterial {
         pressure: 500.0,
         retardation_time: 5e-3,
     };
+
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 2] = [("LATEX", Self::LATEX), ("VINYL", Self::VINYL)];
 
     /// Checks that all numbers are in their ranges.
     ///

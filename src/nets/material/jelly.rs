@@ -29,24 +29,34 @@ impl Default for JellyMaterial {
 }
 
 impl JellyMaterial {
-    /// Gelatine dessert, 5 to 10 % of gelatine in water: Young's modulus about 10 kPa (Markidou, Shih and Shih, *Soft-materials
-    /// elastic and shear moduli measurement using piezoelectric cantilevers*, 2005: 5 to 40 kPa).
+    /// A firm gelatine dessert, one part of gelatine in 12 of water: Bonavia (arXiv 2512.20502, 2025) measured 4.3
+    /// kPa at 1 : 20 to 277 kPa at 1 : 2, in between by a power law.
     pub const GELATINE: Self = Self { density: 1020.0, youngs_modulus: 1e4, retardation_time: 0.01 };
 
-    /// Ballistic gelatine of 10 % at 4 °C: about 100 kPa (Cronin and Falzon, *Characterization of 10% ballistic gelatin*,
-    /// 2011).
+    /// Ballistic gelatine of 10 % at 4 °C: about 100 kPa (Cronin and Falzon, *Characterization of 10% ballistic
+    /// gelatin*, 2011).
     pub const BALLISTIC_GELATINE: Self =
         Self { density: 1030.0, youngs_modulus: 1e5, retardation_time: 3e-3 };
 
-    /// Soft silicone rubber, Shore 00-30: Young's modulus at full strain 69 kPa, density 1070 kg/m³ (Smooth-On, Ecoflex
-    /// 00-30, technical bulletin).
+    /// Soft silicone rubber, Shore 00-30: Young's modulus at full strain 69 kPa, density 1070 kg/m³ (Smooth-On,
+    /// Ecoflex 00-30, technical bulletin).
     pub const SOFT_SILICONE: Self = Self { density: 1070.0, youngs_modulus: 6.9e4, retardation_time: 5e-3 };
 
     /// Soft natural rubber: 1.5 MPa, 930 kg/m³ (Ashby, *Materials Selection in Mechanical Design*, 4th ed., app. A).
     pub const SOFT_RUBBER: Self = Self { density: 930.0, youngs_modulus: 1.5e6, retardation_time: 2e-3 };
 
-    /// Flexible polymer foam of low density: 1 MPa at the soft end, 50 kg/m³ (Ashby, app. A: 38 to 70 kg/m³, 1 to 3 MPa).
+    /// Flexible polymer foam of low density: 1 MPa at the soft end, 50 kg/m³ (Ashby, app. A: 38 to 70 kg/m³, 1 to 3
+    /// MPa).
     pub const FOAM: Self = Self { density: 50.0, youngs_modulus: 1e6, retardation_time: 0.01 };
+
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 5] = [
+        ("GELATINE", Self::GELATINE),
+        ("BALLISTIC_GELATINE", Self::BALLISTIC_GELATINE),
+        ("SOFT_SILICONE", Self::SOFT_SILICONE),
+        ("SOFT_RUBBER", Self::SOFT_RUBBER),
+        ("FOAM", Self::FOAM),
+    ];
 
     /// Checks that all numbers are in their ranges.
     ///

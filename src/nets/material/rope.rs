@@ -37,22 +37,23 @@ impl RopeMaterial {
     /// The diameter of the ropes that the constants describe, m.
     pub const REFERENCE_DIAMETER: f32 = 0.01;
 
-    /// Wire rope 6×19 with a fibre core, of 10 mm. Mass 0.359 kg/m and metallic cross-section about 40 mm² (EN 12385-4);
-    /// modulus of the rope on that area about 100 GPa (Feyrer, *Wire Ropes*, 2nd ed., ch. 2); bending stiffness the
-    /// sum of those of its 114 wires of 0.65 mm, E = 200 GPa, which slide (Costello, *Theory of Wire Rope*, 1997).
+    /// Wire rope 6×19 with a fibre core, of 10 mm. Mass 0.359 kg/m and metallic cross-section 38.4 mm² (EN 12385-4, in
+    /// Feyrer, *Wire Ropes*, 2nd ed. 2015, table 1.9); modulus of the rope on that area about 100 GPa (Feyrer, ch. 2);
+    /// bending stiffness the sum of those of its 114 wires of 0.65 mm, E = 200 GPa, which slide (Costello, *Theory of
+    /// Wire Rope*, 1997).
     pub const STEEL_CABLE: Self = Self {
         linear_density: 0.359,
-        stretch_stiffness: 4.0e6,
+        stretch_stiffness: 3.84e6,
         bending_stiffness: 0.2,
         retardation_time: 1e-3,
     };
 
-    /// Three-strand natural fibre (hemp, manila) of 10 mm: about 0.07 kg/m, breaks near 6.5 kN at an elongation near 13 %
-    /// (McKenna, Hearle and O'Hear, *Handbook of Fibre Rope Technology*, 2004): EA is the secant. EI is that of yarns
-    /// that slide.
+    /// Three-strand natural fibre (hemp, manila) of 10 mm: about 0.067 kg/m, breaks near 6 kN at an elongation near
+    /// 13 % (McKenna, Hearle and O'Hear, *Handbook of Fibre Rope Technology*, 2004): EA is the secant. EI is that of
+    /// yarns that slide.
     pub const HEMP: Self = Self {
-        linear_density: 0.07,
-        stretch_stiffness: 5.0e4,
+        linear_density: 0.067,
+        stretch_stiffness: 4.6e4,
         bending_stiffness: 2e-3,
         retardation_time: 0.02,
     };
@@ -104,6 +105,16 @@ impl RopeMaterial {
             ..self
         }
     }
+
+    /// All of these, by their names.
+    pub const ALL: [(&'static str, Self); 6] = [
+        ("STEEL_CABLE", Self::STEEL_CABLE),
+        ("HEMP", Self::HEMP),
+        ("NYLON", Self::NYLON),
+        ("POLYETHYLENE", Self::POLYETHYLENE),
+        ("RUBBER_CORD", Self::RUBBER_CORD),
+        ("STEEL_ROD", Self::STEEL_ROD),
+    ];
 
     /// Checks that all numbers are in their ranges.
     ///

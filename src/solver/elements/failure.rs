@@ -59,6 +59,26 @@ impl Spring {
     }
 }
 
+/// A break in a rope or tree, while its release travels through it: nothing else breaks there until then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(in crate::solver) struct Release {
+    /// The slots of the ends of the spring that broke.
+    pub slots: [u32; 2],
+    /// How long it goes on, s.
+    pub time_left: f32,
+}
+
+impl Release {
+    /// Takes the slots `new_slots[old]`; false if a particle is gone.
+    pub fn renumber(&mut self, new_slots: &[Option<u32>]) -> bool {
+        let [first, second] = self.slots.map(|slot| new_slots.get(slot as usize).copied().flatten());
+        let Some(slots) = first.zip(second) else { return false };
+        self.slots = slots.into();
+        true
+    }
+}
+
 impl Elements {
     /// Changes when springs that may fail are added, removed or changed.
     pub(in crate::solver) fn failures_version(&self) -> Version {

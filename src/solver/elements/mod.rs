@@ -7,9 +7,13 @@
 //!
 //! A new kind is one file, and one line in [`for_each_kind`].
 
+mod air;
 mod bend;
+mod bulk;
+mod edits;
 mod element;
 mod failure;
+mod gas;
 mod spring;
 mod table;
 mod versions;
@@ -18,9 +22,14 @@ use bevy::math::DVec3;
 
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
+pub(super) use air::{Exposed, FacePush, FilamentPush, Push};
+pub use air::{Face, Filament};
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use failure::Plasticity;
+pub(super) use failure::Release;
+pub(super) use gas::{Enclosure, Gases};
+pub use gas::{Gas, GasReading, enclosed_volume};
 pub use spring::Spring;
 pub(super) use table::{Ramp, Table};
 use versions::Versions;
@@ -71,6 +80,8 @@ macro_rules! define_elements {
         #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
         pub(super) struct Elements {
             $($(#[$meta])* $kind: Table<$element, $ends>,)*
+            /// What they enclose: not of the kinds, as each acts on many particles.
+            gases: Gases,
             versions: Versions,
             sorted_particles: usize,
         }
@@ -202,6 +213,7 @@ macro_rules! define_elements {
             /// Renames the particles: `new_slots[old]` is the new slot of each.
             pub fn renumber(&mut self, new_slots: &[u32]) {
                 $($(#[$meta])* self.$kind.renumber(new_slots);)*
+                self.gases.renumber(new_slots);
                 self.versions.reset();
             }
 
@@ -283,72 +295,10 @@ pub(super) trait Holds<E, const N: usize> {
 }
 
 impl Elements {
-    /// Appends an element between different slots; its index in its table.
-    pub fn push<E: Element<N>, const N: usize>(&mut self, ends: [u32; N], element: E) -> usize
-    where
-        Self: Holds<E, N>,
-    {
-        let new = Version::new();
-        self.versions = Versions { all: new, rates: new, ends: new, ..self.versions };
-        if element.max_stretch().is_some() {
-            self.versions.limits = new;
-        }
-        if element.may_fail() {
-            self.versions.failures = new;
-        }
-        self.table_mut().push(ends, element)
-    }
-
-    /// Replaces the parameters of an element.
-    pub fn set<E: Element<N>, const N: usize>(&mut self, index: usize, element: E)
-    where
-        Self: Holds<E, N>,
-    {
-        let old = self.table_mut().set(index, element);
-        self.versions.all = Version::new();
-        if old.rates() != element.rates() {
-            self.versions.rates = self.versions.all;
-        }
-        if old.acts() != element.acts() {
-            self.versions.ends = self.versions.all;
-        }
-        if old.max_stretch().is_some() != element.max_stretch().is_some() {
-            self.versions.limits = self.versions.all;
-        }
-        if old.may_fail() != element.may_fail() {
-            self.versions.failures = self.versions.all;
-        }
-        if old.tension_only() != element.tension_only() {
-            // It belongs into another run.
-            self.versions.edited_since = self.versions.all;
-        }
-    }
-
-    /// Empties the place of an element. It leaves all that is derived from the elements at once.
-    pub fn remove<E: Element<N>, const N: usize>(&mut self, index: usize)
-    where
-        Self: Holds<E, N>,
-    {
-        let emptied = self.table().element(index).map(E::emptied).unwrap_or_default();
-        self.set(index, emptied);
-    }
-
-    /// See [`Table::set_past`].
-    pub(super) fn set_past_spring(&mut self, index: usize, past: Spring) {
-        self.springs.set_past(index, past);
-        self.versions.rates = Version::new();
-    }
-
-    /// Removes all elements.
-    pub fn clear(&mut self) {
-        *self = Self::default();
-        self.versions.reset();
-    }
-
     /// Calls `visit` for each spring that acts: its length and its rest length in m.
     pub(super) fn for_each_spring(&self, position: &Vectors, mut visit: impl FnMut(f64, f64)) {
         self.springs.for_each_acting(|_, ends, spring| {
-            visit(combine(ends, spring, position).length(), spring.rest_length.into());
+            visit(combine(ends, spring, position).length(), Element::rest_length(spring));
         });
     }
 
@@ -360,31 +310,6 @@ impl Elements {
     /// The springs.
     pub(super) fn springs(&self) -> &Table<Spring, 2> {
         &self.springs
-    }
-
-    /// Changes whenever an element does.
-    pub(super) fn version(&self) -> Version {
-        self.versions.all
-    }
-
-    /// Changes whenever ends or coefficients do.
-    pub(super) fn rates_version(&self) -> Version {
-        self.versions.rates
-    }
-
-    /// Changes when elements get other ends, begin or cease to act.
-    pub(super) fn ends_version(&self) -> Version {
-        self.versions.ends
-    }
-
-    /// Changes when elements with a strain limit are added or removed.
-    pub(super) fn limits_version(&self) -> Version {
-        self.versions.limits
-    }
-
-    /// Whether the tables list what has changed since `version`, apart from added elements.
-    pub(super) fn lists_edits_since(&self, version: Version) -> bool {
-        self.versions.edited_since == version
     }
 }
 

@@ -22,6 +22,9 @@ pub struct Spring {
     /// The tension, damper included, beyond which it breaks: it is removed at the end of the substep. In N, finite
     /// and >= 0; `None`: never.
     pub breaking_force: Option<f32>,
+    /// Whether it is only reported when it breaks, once a tick, and goes on until its owner removes it: of surfaces,
+    /// which are torn apart in another way.
+    pub tears: bool,
     /// How it yields; `None`: not at all.
     pub plasticity: Option<Plasticity>,
 }
@@ -29,8 +32,8 @@ pub struct Spring {
 impl Spring {
     /// An elastic spring: rest length in m, stiffness in N/m, damping in N·s/m.
     pub const fn elastic(rest_length: f32, stiffness: f32, damping: f32) -> Self {
-        let (tension_only, max_stretch, breaking_force, plasticity) = (false, None, None, None);
-        Self { rest_length, stiffness, damping, tension_only, max_stretch, breaking_force, plasticity }
+        let (tension_only, max_stretch, breaking_force, tears, plasticity) = (false, None, None, false, None);
+        Self { rest_length, stiffness, damping, tension_only, max_stretch, breaking_force, tears, plasticity }
     }
 }
 

@@ -80,6 +80,11 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
         self.len() - 1
     }
 
+    pub(super) fn extend(&mut self, added: impl Iterator<Item = ([u32; N], E)> + Clone) {
+        self.ends.extend(added.clone().map(|(ends, _)| ends));
+        self.elements.extend(added.map(|(_, element)| element));
+    }
+
     /// Replaces the parameters of an element; the old ones.
     pub(super) fn set(&mut self, index: usize, element: E) -> E {
         self.edits.push(index as u32);

@@ -1,5 +1,6 @@
 //! What of the elements has changed.
 
+use super::Elements;
 use crate::solver::state::Version;
 
 /// Elements of the same version are the same, in some respect.
@@ -25,5 +26,32 @@ impl Versions {
     pub fn reset(&mut self) {
         let new = Version::new();
         *self = Self { all: new, rates: new, ends: new, limits: new, failures: new, edited_since: new };
+    }
+}
+
+impl Elements {
+    /// Changes whenever an element does.
+    pub(in crate::solver) fn version(&self) -> Version {
+        self.versions.all
+    }
+
+    /// Changes whenever ends or coefficients do.
+    pub(in crate::solver) fn rates_version(&self) -> Version {
+        self.versions.rates
+    }
+
+    /// Changes when elements get other ends, begin or cease to act.
+    pub(in crate::solver) fn ends_version(&self) -> Version {
+        self.versions.ends
+    }
+
+    /// Changes when elements with a strain limit are added or removed.
+    pub(in crate::solver) fn limits_version(&self) -> Version {
+        self.versions.limits
+    }
+
+    /// Whether the tables list what has changed since `version`, apart from added elements.
+    pub(in crate::solver) fn lists_edits_since(&self, version: Version) -> bool {
+        self.versions.edited_since == version
     }
 }

@@ -49,6 +49,8 @@ pub(in crate::solver) struct Elimination {
     pub compounds: Vec<Linked>,
     /// Number of those of the tree nodes.
     pub tree_compounds: usize,
+    /// The numbers of the gases, and the nodes of their particles; free ones are in the core.
+    pub gases: Vec<(u32, Vec<u32>)>,
     /// How the core is coarsened, for its preconditioner.
     pub hierarchy: Hierarchy,
 }
@@ -84,6 +86,8 @@ pub(in crate::solver) enum Fill {
 }
 
 const NO_NODE: u32 = NONE;
+/// The number of a gas, and the slots of its particles, or their nodes.
+type Gas = (u32, Vec<u32>);
 
 impl Elimination {
     /// One for each of the islands that are `wanted`.
@@ -102,27 +106,48 @@ impl Elimination {
                 }
             });
         });
+        let mut gases: Vec<Vec<Gas>> = vec![Vec::new(); islands.all().len()];
+        for (number, enclosure) in elements.gases().acting() {
+            let island = enclosure.slots.iter().find_map(|slot| islands.of(*slot as usize));
+            if let Some(island) = island.filter(|island| wanted(*island)) {
+                gases[island].push((number as u32, enclosure.slots.clone()));
+            }
+        }
         let mut nodes = vec![NO_NODE; particles.len()];
         let wanted = (0..members.len()).filter(|island| wanted(*island));
-        wanted.map(|island| Self::of(members.of(island), &[], particles, &mut nodes)).collect()
+        let of = |island: usize| {
+            Self::of(members.of(island), std::mem::take(&mut gases[island]), &[], particles, &mut nodes)
+        };
+        wanted.map(of).collect()
     }
 
     /// One for several islands together, for as long as contacts join the particles in the slots `in_core`; some of
     /// these may be in no island.
     pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>, in_core: &[u32], particles: &Particles) -> Self {
-        let mut members = Vec::new();
+        let (mut members, mut gases) = (Vec::new(), Vec::new());
         for part in parts {
             let slot = |node: u32| part.slots[node as usize];
             let pairs = part.elements.iter().zip(&part.ends);
             members.extend(pairs.map(|(element, ends)| Linked::new(*element, &ends.map(slot))));
             members.extend(part.compounds.iter().map(|compound| compound.map_ends(slot)));
+            let slots_of = |(number, nodes): &Gas| (*number, nodes.iter().map(|node| slot(*node)).collect());
+            gases.extend(part.gases.iter().map(slots_of));
         }
         members.sort_unstable_by_key(|member| member.element);
-        Self::of(&members, in_core, particles, &mut vec![NO_NODE; particles.len()])
+        gases.sort_unstable();
+        Self::of(&members, gases, in_core, particles, &mut vec![NO_NODE; particles.len()])
     }
 
-    /// The elimination of these elements, with the slots `in_core` in the core; `nodes` is working memory.
-    fn of(members: &[Linked], in_core: &[u32], particles: &Particles, nodes: &mut [u32]) -> Self {
+    /// The elimination of these elements and gases, with the slots `in_core` in the core; `nodes` is working memory.
+    fn of(
+        members: &[Linked],
+        gases: Vec<Gas>,
+        in_core: &[u32],
+        particles: &Particles,
+        nodes: &mut [u32],
+    ) -> Self {
+        let in_gas = gases.iter().flat_map(|(_, slots)| slots);
+        let in_core = &in_core.iter().chain(in_gas).copied().collect::<Vec<u32>>();
         let mut all: Vec<u32> = members.iter().flat_map(Linked::ends).chain(in_core).copied().collect();
         all.sort_unstable();
         all.dedup();
@@ -148,6 +173,10 @@ impl Elimination {
         elimination.parents.extend(parents.iter().map(|[parent, _]| *parent));
         elimination.sort_elements(members, nodes);
         elimination.list_bent(&parents);
+        elimination.gases = gases;
+        for slot in elimination.gases.iter_mut().flat_map(|(_, slots)| slots) {
+            *slot = nodes[*slot as usize];
+        }
         elimination
     }
 

@@ -34,13 +34,17 @@ pub(in crate::solver) struct Exclusions {
     sprung: Vec<bool>,
     /// Whether a spring joins each particle to the one in the slot before.
     continues: Vec<bool>,
+    /// The families of particles that do not collide with each other; empty if there are none.
+    families: Vec<u32>,
 }
 
 impl Exclusions {
     /// Derives them from all springs.
     pub fn rebuild(&mut self, particles: &Particles, elements: &Elements) {
         let radius = particles.radius();
-        let Self { excluded, sprung, continues } = self;
+        let Self { excluded, sprung, continues, families } = self;
+        families.clear();
+        families.extend_from_slice(particles.families());
         sprung.clear();
         sprung.resize(particles.len(), false);
         elements.for_each_acting(|Acting { ends, .. }| {
@@ -83,6 +87,13 @@ impl Exclusions {
 
     /// Whether the particles a < b do not collide.
     pub fn contains(&self, a: u32, b: u32) -> bool {
-        !self.excluded.is_empty() && self.excluded.of(a as usize).contains(&b)
+        are_of_one_family(&self.families, a, b)
+            || !self.excluded.is_empty() && self.excluded.of(a as usize).contains(&b)
     }
+}
+
+/// Whether two particles are of one family, as in a net that does not collide with itself.
+pub(in crate::solver) fn are_of_one_family(families: &[u32], one: u32, other: u32) -> bool {
+    let family = families.get(one as usize).copied().unwrap_or(0);
+    family != 0 && families.get(other as usize) == Some(&family)
 }

@@ -6,7 +6,7 @@
 use super::Linked;
 use super::reduction::Reduction;
 use crate::solver::buckets::Buckets;
-use crate::solver::elements::{Acting, Elements};
+use crate::solver::elements::{Acting, Elements, Enclosure};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
 
@@ -57,6 +57,16 @@ impl Islands {
                 false => {}
             }
         });
+        for (_, enclosure) in elements.gases().acting() {
+            let mut free = free_slots(enclosure, particles);
+            let Some(first) = free.next() else { continue };
+            joined[first] = true;
+            closing.push(first);
+            for slot in free {
+                joined[slot] = true;
+                forest.join(first, slot);
+            }
+        }
         self.number(&mut forest, &joined);
         closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
         self.reduce(&bent, elements, particles);
@@ -198,10 +208,18 @@ impl Forest {
     }
 }
 
+fn free_slots<'a>(
+    enclosure: &'a Enclosure,
+    particles: &'a Particles,
+) -> impl Iterator<Item = usize> + use<'a> {
+    let slots = enclosure.slots.iter().map(|slot| *slot as usize);
+    slots.filter(|slot| !particles.is_pinned(*slot))
+}
+
 /// Whether the equations of any island are not solved directly: see [`Island::has_loops`].
 pub(in crate::solver) fn has_loops(elements: &Elements, particles: &Particles) -> bool {
     let mut forest = Forest::new(particles.len());
-    let (mut has_loops, mut has_bends) = (false, false);
+    let (mut has_loops, mut has_bends) = (elements.gases().any_act(), false);
     elements.for_each_acting(|Acting { ends, .. }| {
         if let ([first, second], false) = (ends, has_loops) {
             let is_free = |end: &u32| !particles.is_pinned(*end as usize);

@@ -30,6 +30,12 @@ impl Nets {
                 forest.join(ends[0] as usize, end as usize);
             }
         });
+        for (_, enclosure) in elements.gases().acting() {
+            for &slot in &enclosure.slots {
+                joined[slot as usize] = true;
+                forest.join(enclosure.slots[0] as usize, slot as usize);
+            }
+        }
         let mut of_root = vec![None; particles];
         let mut nets = 0;
         let mut members = Vec::new();

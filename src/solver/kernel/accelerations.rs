@@ -2,8 +2,8 @@
 
 use bevy::math::Vec3;
 
-use super::bends::add_all_bends;
-use super::{Motion, in_vectors};
+use super::bends::AddBends;
+use super::{Motion, in_vectors, run};
 use crate::solver::elements::{Bend, Element, Spring, for_each_kind};
 use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
 use crate::solver::settings::Field;
@@ -52,12 +52,19 @@ pub(super) fn block_accelerations(
             }
         }
     }
+    if let Some(gas) = field.gas {
+        for (force, gas) in force.iter_mut().zip(gas) {
+            force.iter_mut().zip(&gas[range.clone()]).for_each(|(force, gas)| *force += gas);
+        }
+    }
     add_runs(block, motion, &mut force, block.slots.start);
-    add_all_bends(block, motion, &mut force);
+    if AddBends::is_needed(block) {
+        run(AddBends { block, motion, force: &mut force });
+    }
     add_all_loose(block, motion, &mut force);
     // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.
-    let inverse_mass = &motion.inverse_mass[range];
+    let inverse_mass = &motion.inverse_mass[range.clone()];
     for (force, gravity) in force.iter_mut().zip(field.gravity.to_array()) {
         let force = &mut force[..count];
         for part in in_vectors(block.slots.start, count) {
@@ -65,6 +72,12 @@ pub(super) fn block_accelerations(
                 let free = force[index] * inverse_mass[index] + gravity;
                 force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
             }
+        }
+    }
+    if let Some(air) = field.air {
+        let air = air.of(range.clone());
+        for (axis, acceleration) in force.iter_mut().enumerate() {
+            air.brake(axis, &motion.velocity[axis][range.clone()], acceleration);
         }
     }
 }

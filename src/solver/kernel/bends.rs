@@ -11,12 +11,33 @@ use crate::solver::graph::{BendList, BendRun};
 /// The pulls of the bends of a chunk, from index `LANES`, with zeros on both sides.
 struct Pulls([[f32; LANES + CHUNK + LANES + LANES]; 3]);
 
+/// Adds the forces of all bends in runs. Work of its own, as the compiler would else copy it into each that evaluates
+/// forces.
+pub(super) struct AddBends<'a, 'b> {
+    pub block: &'a Block,
+    pub motion: Motion<'a>,
+    pub force: &'a mut [&'b mut [f32]; 3],
+}
+
 macro_rules! define_add_bends {
     ($($(#[$meta:meta])* $kind:ident: $ends:literal;)*) => {
-        /// Adds the forces of all bends in runs.
-        #[inline(always)]
-        pub(super) fn add_all_bends(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3]) {
-            $($(#[$meta])* add_bends(&block.bends.$kind, motion, force, block.slots.start);)*
+        impl AddBends<'_, '_> {
+            /// Whether there are any.
+            pub fn is_needed(block: &Block) -> bool {
+                let mut any = false;
+                $($(#[$meta])* { any |= !block.bends.$kind.runs.is_empty(); })*
+                any
+            }
+        }
+
+        impl pulp::WithSimd for AddBends<'_, '_> {
+            type Output = ();
+
+            #[inline(always)]
+            fn with_simd<S: pulp::Simd>(self, _: S) {
+                let Self { block, motion, force } = self;
+                $($(#[$meta])* add_bends(&block.bends.$kind, motion, force, block.slots.start);)*
+            }
         }
     };
 }
@@ -35,8 +56,7 @@ fn add_bends<const N: usize>(list: &BendList<N>, motion: Motion, force: &mut [&m
             match (run.is_curved, run.is_damped) {
                 (false, false) => compute::<false, false, N>(list, run, (done, chunk), motion, &mut pulls),
                 (false, true) => compute::<false, true, N>(list, run, (done, chunk), motion, &mut pulls),
-                (true, false) => compute::<true, false, N>(list, run, (done, chunk), motion, &mut pulls),
-                (true, true) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut pulls),
+                (true, _) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut pulls),
             }
             match run.weights {
                 Some(weights) => add_uniform(run, weights, (done, chunk), &mut pulls, force, start),
@@ -62,16 +82,15 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     pulls: &mut Pulls,
 ) {
     let count = run.count as usize;
+    let mut weights = run.weights.unwrap_or([0.0; N]).map(|weight| [weight; LANES]);
     for first in (0..chunk).step_by(LANES) {
         // The last vector of a run overlaps the one before it and computes some bends again.
         let at = (done + first).min(count - LANES);
         let place = run.start as usize + at;
-        let mut weights = [[0.0; LANES]; N];
-        for (end, weights) in weights.iter_mut().enumerate() {
-            *weights = match run.weights {
-                Some(all) => [all[end]; LANES],
-                None => lanes(&list.weights[end], place),
-            };
+        if run.weights.is_none() {
+            for (weights, all) in weights.iter_mut().zip(&list.weights) {
+                *weights = lanes(all, place);
+            }
         }
         let separation = combine(motion.position, run, at, &weights);
         let rate = if DAMPED { combine(motion.velocity, run, at, &weights) } else { [[0.0; LANES]; 3] };
@@ -106,10 +125,10 @@ fn combine<const N: usize>(
 ) -> [[f32; LANES]; 3] {
     let mut sums = [[0.0; LANES]; 3];
     for (sums, vectors) in sums.iter_mut().zip(vectors) {
-        for end in 0..N {
+        for (end, weights) in weights.iter().enumerate() {
             let values = lanes(vectors, run.first[end] as usize + at);
             for lane in 0..LANES {
-                let term = values[lane] * weights[end][lane];
+                let term = values[lane] * weights[lane];
                 sums[lane] = if end == 0 { term } else { sums[lane] + term };
             }
         }

@@ -4,12 +4,14 @@
 //! of others; `interleaved.rs` says how two schemes share a tick.
 
 mod explicit_euler;
+mod gas;
 mod implicit_euler;
 mod interleaved;
 mod runge_kutta_4;
 mod second_order_taylor;
 mod semi_implicit_euler;
 mod velocity_verlet;
+mod verlet_in_air;
 mod xpbd;
 
 use crate::solver::collision::Surroundings;
@@ -28,6 +30,7 @@ pub(super) struct Scratch {
     /// Accelerations of the last evaluation of the forces, m/s².
     pub acceleration: Vectors,
     steps: StepVectors,
+    gas: gas::GasForces,
     xpbd: xpbd::Xpbd,
 }
 
@@ -39,6 +42,7 @@ struct StepVectors {
     position_slope: Vectors,
     velocity_slope: Vectors,
     carried: velocity_verlet::Carried,
+    air: verlet_in_air::Vectors,
 }
 
 impl Scratch {
@@ -62,11 +66,12 @@ struct Stage<'a> {
     elements: &'a Elements,
     /// The parts of the tick that are done at the start and at the end of the substep.
     elapsed: [f32; 2],
-    field: Field,
+    field: Field<'a>,
     /// Where the pinned particles are at the end of the substep.
     pinned: PinnedMotions<'a>,
     acceleration: &'a mut Vectors,
     scratch: &'a mut StepVectors,
+    gas: &'a mut gas::GasForces,
 }
 
 impl Stage<'_> {
@@ -79,7 +84,8 @@ impl Stage<'_> {
 
     /// Evaluates the accelerations at the present state.
     fn evaluate(&mut self) {
-        kernel::evaluate(Motion::of(self.particles), self.blocks, self.field, self.acceleration);
+        let field = self.gas.evaluate(self.elements.gases(), &self.particles.position, self.field);
+        kernel::evaluate(Motion::of(self.particles), self.blocks, field, self.acceleration);
     }
 }
 
@@ -88,7 +94,7 @@ impl Stage<'_> {
 pub(super) struct Net<'a> {
     pub elements: &'a Elements,
     pub colouring: &'a Colouring,
-    pub field: Field,
+    pub field: Field<'a>,
     /// Where the pinned particles are at the end of the substep.
     pub pinned: PinnedMotions<'a>,
     /// What an implicit step may touch.
@@ -109,10 +115,10 @@ pub(super) fn advance(
     substep: f32,
 ) {
     let Net { elements, field, pinned, surroundings, .. } = net;
-    let Scratch { acceleration, steps, xpbd } = scratch;
+    let Scratch { acceleration, steps, gas, xpbd } = scratch;
     let elapsed = [net.elapsed, pinned.elapsed];
     let mut stage =
-        Stage { particles, blocks, elements, elapsed, field, pinned, acceleration, scratch: steps };
+        Stage { particles, blocks, elements, elapsed, field, pinned, acceleration, scratch: steps, gas };
     match integrator {
         Integrator::ExplicitEuler => explicit_euler::advance(&mut stage, substep),
         Integrator::Auto | Integrator::SemiImplicitEuler => semi_implicit_euler::advance(&mut stage, substep),

@@ -11,7 +11,8 @@ use crate::solver::parallel;
 /// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
 /// want the old one.
 pub(super) fn advance(stage: &mut Stage, substep: f32) {
-    let Stage { particles, blocks, field, acceleration, scratch, .. } = stage;
+    let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
+    let field = gas.evaluate(elements.gases(), &particles.position, *field);
     scratch.position.resize(particles.len());
     scratch.velocity.resize(particles.len());
     let motion = Motion::of(particles);
@@ -19,7 +20,7 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let written = blocks.split(acceleration.axes_mut()).zip(moved);
     let parts = blocks.blocks.iter().zip(written);
     parallel::for_each(parts, blocks.are_worth_sharing(), |(block, (acceleration, (position, velocity)))| {
-        let accelerate = Accelerate { block, motion, field: *field, acceleration };
+        let accelerate = Accelerate { block, motion, field, acceleration };
         kernel::run(Advance { accelerate, substep, moved: Moved { position, velocity } });
     });
     std::mem::swap(&mut particles.position, &mut scratch.position);

@@ -5,7 +5,7 @@
 //! λ = 1), which keeps the second order with damping and is the original scheme without. The a of a substep
 //! is the a' of the one before, so that each costs one evaluation; the first of a tick takes a(x, v).
 
-use super::Stage;
+use super::{Stage, verlet_in_air};
 use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict};
 use crate::solver::parallel;
 use crate::solver::particles::Vectors;
@@ -32,17 +32,21 @@ impl Carried {
 }
 
 pub(super) fn advance(stage: &mut Stage, substep: f32) {
+    if let Some(air) = stage.field.air {
+        return verlet_in_air::advance(stage, air, substep);
+    }
     if stage.scratch.carried == Carried::Nothing {
         stage.evaluate();
     }
-    let Stage { particles, blocks, field, acceleration, scratch, .. } = stage;
+    let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
     let (other_velocity, other_acceleration) = (&mut scratch.velocity, &mut scratch.velocity_slope);
     other_velocity.resize(particles.len());
     other_acceleration.resize(particles.len());
     if scratch.carried == Carried::Disturbed {
         restore_predicted(other_velocity, &particles.velocity, [other_acceleration, acceleration], substep);
         let motion = Motion::at(&particles.position, other_velocity, particles);
-        kernel::evaluate(motion, blocks, *field, acceleration);
+        let field = gas.evaluate(elements.gases(), &particles.position, *field);
+        kernel::evaluate(motion, blocks, field, acceleration);
     }
     let is_shared = blocks.are_worth_sharing();
 
@@ -57,14 +61,15 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     // The next substep may have to evaluate a' again, with the pinned where they are then, to the bit.
     stage.pinned.apply(stage.particles);
     stage.ramp_to(1.0);
-    let Stage { particles, blocks, field, acceleration, scratch, .. } = stage;
+    let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
     let (other_velocity, other_acceleration) = (&mut scratch.velocity, &mut scratch.velocity_slope);
+    let field = gas.evaluate(elements.gases(), &particles.position, *field);
     let motion = Motion::of(particles);
     let written = blocks.split(other_acceleration.axes_mut()).zip(blocks.split(other_velocity.axes_mut()));
     let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(written);
     parallel::for_each(parts, is_shared, |((block, predicted_acceleration), (acceleration, velocity))| {
         let predicted_acceleration = predicted_acceleration.map(|axis| &*axis);
-        let accelerate = Accelerate { block, motion, field: *field, acceleration };
+        let accelerate = Accelerate { block, motion, field, acceleration };
         kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
     });
     std::mem::swap(&mut particles.velocity, other_velocity);

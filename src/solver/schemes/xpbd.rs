@@ -12,13 +12,16 @@
 //! α = 1/k and β = c, times k h², so that k may be 0. The elements are solved for one at a time, so a long stiff
 //! net needs many substeps until it is as stiff as they are.
 //!
+//! The gases come first, all at once: their pressures are those at the end of their own push. Air adds h d to the mass
+//! with which a particle answers, as its drag is implicit.
+//!
 //! On many threads each takes blocks of particles, as the forces do: the elements within a block first, then,
 //! in a row, the few between two blocks. In each of these they are ordered by colour.
 
 use bevy::math::{DVec3, Vec3};
 
 use super::Net;
-use crate::solver::elements::Elements;
+use crate::solver::elements::{Elements, Gases};
 use crate::solver::graph::{Blocks, Linked};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors, set};
@@ -34,6 +37,8 @@ pub(super) struct Xpbd {
     position: Vec<DVec3>,
     /// How far the elements have displaced each particle, m.
     displacement: Vec<DVec3>,
+    /// Of the volume of a gas, m².
+    gradient: Vec<DVec3>,
 }
 
 /// The particles of one block, or all.
@@ -61,13 +66,21 @@ impl Xpbd {
         let is_shared = blocks.blocks.len() > 1;
         self.resize(particles.len());
         let sizes = || blocks.blocks.iter().map(|block| block.slots.len());
+        let has_gas = elements.gases().any_act();
+        if has_gas {
+            let pieces = self.pieces(sizes());
+            parallel::for_each(pieces, is_shared, |mut piece| piece.predict(particles, field, h));
+            self.blow_up(elements.gases(), particles, field, h);
+        }
         let within = self.pieces(sizes()).zip(colouring.within_blocks());
         parallel::for_each(within, is_shared, |(mut piece, listed)| {
-            piece.predict(particles, field, h);
-            piece.solve(listed, elements, particles, h);
+            if !has_gas {
+                piece.predict(particles, field, h);
+            }
+            piece.solve(listed, elements, (particles, field), h);
         });
         for mut all in self.pieces([particles.len()].into_iter()) {
-            all.solve(colouring.between_blocks(), elements, particles, h);
+            all.solve(colouring.between_blocks(), elements, (particles, field), h);
         }
         let (position, velocity, inverse_mass, _) = particles.motion_mut();
         let written = blocks.split(position.axes_mut()).zip(blocks.split(velocity.axes_mut()));
@@ -75,6 +88,25 @@ impl Xpbd {
         parallel::for_each(parts, is_shared, |(piece, ((position, velocity), acceleration))| {
             piece.finish(inverse_mass, [position, velocity, acceleration], h);
         });
+    }
+
+    /// Lets the gases push the particles, each at the pressure that it has after that; along their gradients the
+    /// equation is quadratic.
+    fn blow_up(&mut self, gases: &Gases, particles: &Particles, field: Field, h: f64) {
+        let Self { position, displacement, gradient, .. } = self;
+        for (_, enclosure) in gases.acting() {
+            let volume = enclosure.measure(|place| position[enclosure.slots[place] as usize], gradient);
+            let mobility = |slot: usize| field.mobility(slot, f64::from(particles.inverse_mass()[slot]));
+            let pushed = || enclosure.slots.iter().map(|slot| *slot as usize).zip(&*gradient);
+            let yields: f64 =
+                pushed().map(|(slot, gradient)| mobility(slot) * gradient.length_squared()).sum();
+            let impulse = enclosure.gas.implicit_pressure(volume, h * h * yields) * (h * h);
+            for (slot, gradient) in pushed() {
+                let moved = *gradient * (impulse * mobility(slot));
+                position[slot] += moved;
+                displacement[slot] += moved;
+            }
+        }
     }
 
     fn resize(&mut self, count: usize) {
@@ -85,7 +117,7 @@ impl Xpbd {
 
     /// The particles in consecutive pieces of these sizes.
     fn pieces(&mut self, sizes: impl Iterator<Item = usize>) -> impl Iterator<Item = Piece<'_>> {
-        let Self { start, velocity, position, displacement } = self;
+        let Self { start, velocity, position, displacement, .. } = self;
         let mut rest = [&mut start[..], &mut velocity[..], &mut position[..], &mut displacement[..]];
         let mut first = 0;
         sizes.map(move |size| {
@@ -115,8 +147,14 @@ impl Piece<'_> {
     }
 
     /// Solves for the `listed` elements, one after the other; all their free ends are in the piece.
-    fn solve(&mut self, listed: &[Linked], elements: &Elements, particles: &Particles, h: f64) {
-        let inverse_mass = particles.inverse_mass();
+    fn solve(
+        &mut self,
+        listed: &[Linked],
+        elements: &Elements,
+        (particles, field): (&Particles, Field),
+        h: f64,
+    ) {
+        let mobility_of = |slot: usize| field.mobility(slot, f64::from(particles.inverse_mass()[slot]));
         for linked in listed {
             let weights = elements.weights(linked.element);
             let ends = || linked.ends().iter().map(|end| *end as usize).zip(weights);
@@ -125,7 +163,7 @@ impl Piece<'_> {
                 let [at_start, position] = self.ends_of_path(particles, end, h);
                 separation += weight * position;
                 start += weight * at_start;
-                mobility += weight * weight * f64::from(inverse_mass[end]);
+                mobility += weight * weight * mobility_of(end);
             }
             let length = separation.length();
             if length == 0.0 {
@@ -147,7 +185,7 @@ impl Piece<'_> {
             for (end, weight) in ends() {
                 let place = end.wrapping_sub(self.first);
                 if place < self.position.len() {
-                    let displacement = impulse * (weight * f64::from(inverse_mass[end]));
+                    let displacement = impulse * (weight * mobility_of(end));
                     self.position[place] += displacement;
                     self.displacement[place] += displacement;
                 }

@@ -1,13 +1,16 @@
 //! How large a substep may be: rigorous bounds on the frequencies of a net, and what follows from them.
 
 mod cost;
+mod gas;
 #[cfg(test)]
 mod modes;
 mod plan;
 mod tally;
 
 use crate::solver::elements::Elements;
-use crate::solver::graph::{for_each_coupling, has_loops};
+use crate::solver::graph::for_each_coupling;
+#[cfg(test)]
+use crate::solver::graph::has_loops;
 use crate::solver::particles::Particles;
 use crate::solver::settings::Integrator;
 pub use plan::Plan;
@@ -79,8 +82,8 @@ pub struct FrequencyBounds {
     /// τ such that C >= τ K: every motion against a spring is damped at least so much; s.
     /// Infinite where there are no springs.
     pub retardation_time: f64,
-    /// Whether the springs between free particles close a loop. Ropes, chains and trees have none;
-    /// their implicit equations are solved directly.
+    /// Whether the springs between free particles close a loop, or bends couple them as a loop would. Ropes, with
+    /// bends along them or without, chains and trees have none; their implicit equations are solved directly.
     pub has_loops: bool,
 }
 
@@ -93,11 +96,21 @@ impl Default for FrequencyBounds {
 
 impl FrequencyBounds {
     /// Bounds for a whole net in a medium of `viscosity` in N·s/m.
-    pub(super) fn of(elements: &Elements, particles: &Particles, viscosity: f32) -> Self {
+    pub(super) fn of(elements: &Elements, particles: &Particles, viscosity: f32, has_loops: bool) -> Self {
         let mut tally = Tally::default();
         particles.inverse_mass().iter().for_each(|inverse| tally.add_particle(*inverse));
         for_each_coupling(elements, particles, |coupling| tally.add_coupling(&coupling));
-        tally.bounds(viscosity, has_loops(elements, particles))
+        tally.bounds(viscosity, has_loops)
+    }
+
+    /// Those with a gas of this ω² at most (1/s²) besides: K is a sum of two, and of sums the largest eigenvalue is at
+    /// most the sum of the largest. A gas is not damped.
+    fn with_gas(mut self, frequency_squared: f64) -> Self {
+        if frequency_squared > 0.0 {
+            self.angular_frequency = (self.angular_frequency.powi(2) + frequency_squared).sqrt();
+            self.retardation_time = 0.0;
+        }
+        self
     }
 
     /// The largest substep in s at which `scheme` is stable for every net within these bounds; may be
@@ -217,7 +230,7 @@ mod tests {
 
     fn bounds_of(inverse_mass: &[f32], springs: &[(u32, u32, f32, f32)], viscosity: f32) -> FrequencyBounds {
         let (elements, particles) = net(inverse_mass, springs);
-        FrequencyBounds::of(&elements, &particles, viscosity)
+        FrequencyBounds::of(&elements, &particles, viscosity, has_loops(&elements, &particles))
     }
 
     #[test]

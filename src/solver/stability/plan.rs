@@ -1,9 +1,10 @@
 //! Which scheme advances each island in a tick, and in how many substeps.
 
+use super::gas::GasBounds;
 use super::tally::Tally;
 use super::{FrequencyBounds, SECOND_ORDER_SUBSTEPS, cost};
 use crate::solver::elements::Elements;
-use crate::solver::graph::{IslandSet, Islands, for_each_coupling};
+use crate::solver::graph::{Island, IslandSet, Islands, for_each_coupling, has_loops};
 use crate::solver::particles::Particles;
 use crate::solver::settings::{Integrator, StepSettings, SubstepMode};
 use crate::solver::state::Version;
@@ -50,8 +51,13 @@ impl Plan {
 /// Makes plans; the bounds that they follow from are computed again only when these have changed.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Planner {
+    /// Of everything, and without gases.
     bounds: FrequencyBounds,
+    element_bounds: FrequencyBounds,
+    gas_bounds: GasBounds,
     bounds_key: Option<Key>,
+    /// Whether the equations of any island are not solved directly, and of which elements and free particles that is.
+    has_loops: (bool, Option<(Version, Version)>),
     islands: Islands,
     /// Bounds of each island, and of the free particles in none.
     island_bounds: (Vec<FrequencyBounds>, FrequencyBounds),
@@ -98,7 +104,7 @@ impl Planner {
                     return bounds.cheapest_explicit(time_step, minimum).into();
                 }
                 self.refresh_island_bounds(elements, particles, viscosity);
-                self.plan_islands(time_step, minimum)
+                self.plan_islands(elements, time_step, minimum)
             }
             (named, SubstepMode::Fixed(_)) => (named, minimum).into(),
             (named, SubstepMode::Auto) => {
@@ -118,8 +124,14 @@ impl Planner {
         let key = Some(key(elements, particles, viscosity));
         if self.bounds_key != key {
             self.bounds_key = key;
-            self.bounds = FrequencyBounds::of(elements, particles, viscosity);
+            let present = Some((elements.ends_version(), particles.free_version()));
+            if self.has_loops.1 != present {
+                self.has_loops = (has_loops(elements, particles), present);
+            }
+            self.element_bounds = FrequencyBounds::of(elements, particles, viscosity, self.has_loops.0);
         }
+        self.gas_bounds.refresh(elements, particles);
+        self.bounds = self.element_bounds.with_gas(self.gas_bounds.of(|_| true));
         &self.bounds
     }
 
@@ -165,12 +177,21 @@ impl Planner {
     ///
     /// The substeps of velocity Verlet are those of the fastest island that takes part. So the islands are sorted by
     /// the substeps that they need, and those up to some number take part: of all numbers the one of the least cost.
-    fn plan_islands(&mut self, time_step: f32, minimum: u32) -> Plan {
+    fn plan_islands(&mut self, elements: &Elements, time_step: f32, minimum: u32) -> Plan {
         let steps = SECOND_ORDER_SUBSTEPS.max(minimum);
         let (bounds, others) = &self.island_bounds;
         let islands = || bounds.iter().zip(self.islands.all());
         self.needs.clear();
-        self.needs.extend(islands().map(|(bounds, island)| Need {
+        let gas_bounds = &self.gas_bounds;
+        let gas_island = |number: usize| {
+            let slots = &elements.gases().all()[number].slots;
+            slots.iter().find_map(|slot| self.islands.of(*slot as usize))
+        };
+        let with_gas = |(number, (bounds, island)): (usize, (&FrequencyBounds, &Island))| {
+            let gas = gas_bounds.of(|gas| gas_island(gas) == Some(number));
+            (bounds.with_gas(gas), *island)
+        };
+        self.needs.extend(islands().enumerate().map(with_gas).map(|(bounds, island)| Need {
             substeps: bounds.verlet_substeps(time_step).max(minimum),
             is_too_fast: bounds.is_too_fast(time_step, minimum),
             elements: island.elements,

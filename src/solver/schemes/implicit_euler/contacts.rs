@@ -25,7 +25,7 @@ use bevy::math::DVec3;
 use super::contact::{Contact, Partner, Sums};
 use super::newton::MAX_STEPS;
 use crate::solver::collision::{ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair};
-use crate::solver::graph::Elimination;
+use crate::solver::graph::{Elimination, are_of_one_family};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
 
@@ -93,6 +93,8 @@ pub(super) struct PairFilter<'a> {
     /// The pinned slots that any spring pulls at.
     pub sprung: &'a [u32],
     pub memory: &'a ContactMemory,
+    /// Of particles that do not collide with each other.
+    pub families: &'a [u32],
 }
 
 impl PairFilter<'_> {
@@ -101,7 +103,9 @@ impl PairFilter<'_> {
         let memory = self.memory;
         let is_new = || !(memory.has_searched(slot) && memory.has_searched(pinned));
         let tangled = || memory.are_entangled(slot, pinned) || (is_new() && self.sprung.contains(&pinned));
-        !(self.excluded.contains(&(node as u32, pinned)) || overlap && tangled())
+        !(self.excluded.contains(&(node as u32, pinned))
+            || are_of_one_family(self.families, slot, pinned)
+            || overlap && tangled())
     }
 }
 

@@ -5,6 +5,7 @@
 use bevy::math::{DMat3, DVec3};
 
 use super::block::Symmetric;
+use super::gas::CoreGases;
 use super::system::System;
 use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::{Elimination, NodeRun};
@@ -24,6 +25,7 @@ pub(super) struct Core {
     compounds: Vec<CoreCompound>,
     /// The blocks between nodes that eliminated ones have joined; the first node is the row.
     fills: Vec<([usize; 2], DMat3)>,
+    gases: CoreGases,
 }
 
 /// An element that couples more than two nodes.
@@ -75,6 +77,7 @@ impl Core {
             z.push(along.z as f32);
             self.across.push((link.across as f32).min(f32::MAX));
         }
+        self.gases.fill(&system.gases, elimination);
         self.compounds.clear();
         self.compounds.extend(system.compounds[elimination.tree_compounds..].iter().map(|compound| {
             let (mut ends, mut count) = ([(0, 0.0); MAX_ENDS], 0);
@@ -163,6 +166,7 @@ impl Core {
                 }
             }
         }
+        self.gases.add_product([x, y, z], &mut product);
     }
 }
 

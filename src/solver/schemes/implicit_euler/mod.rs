@@ -22,6 +22,7 @@ mod conjugate_gradient;
 mod contact;
 mod contacts;
 mod core;
+mod gas;
 mod island;
 mod linearised;
 mod newton;
@@ -79,7 +80,7 @@ struct Island {
 #[derive(Clone, Copy)]
 struct Step<'a> {
     elements: &'a Elements,
-    field: Field,
+    field: Field<'a>,
     /// Its duration, s.
     h: f64,
     obstacles: &'a Obstacles,
@@ -214,7 +215,7 @@ impl Island {
     fn solve(&mut self, particles: &Particles, step: Step) {
         let Step { obstacles, sprung, surroundings: Surroundings { memory, settings, .. }, h, .. } = step;
         let Self { elimination, system, newton, excluded, pairs, node_of, .. } = self;
-        let filter = PairFilter { excluded, sprung, memory };
+        let filter = PairFilter { excluded, sprung, memory, families: particles.families() };
         let rules = settings.pair_rules.unwrap_or_default();
         let mut reach = 0.0;
         loop {
@@ -252,9 +253,12 @@ impl Island {
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
-        let pull = if system.contacts.may_rebound() { system.start_pull(elimination) } else { Vec::new() };
-        let System { contacts, position, .. } = &mut *system;
-        let rebounds = contacts.may_rebound() && contacts.begin_rebound(position, &pull, resting_speed, h);
+        let may_rebound = system.contacts.may_rebound();
+        if may_rebound {
+            system.find_start_pull(elimination, elements);
+        }
+        let System { contacts, position, start_pull, .. } = &mut *system;
+        let rebounds = may_rebound && contacts.begin_rebound(position, start_pull, resting_speed, h);
         system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
         if rebounds {
             system.load = 0.0;
@@ -284,7 +288,8 @@ impl Island {
         self.balance();
         let Self { elimination, system, stages, excluded, .. } = self;
         let context = step.context(elimination);
-        let filter = PairFilter { excluded, sprung: step.sprung, memory: step.surroundings.memory };
+        let (memory, families) = (step.surroundings.memory, particles.families());
+        let filter = PairFilter { excluded, sprung: step.sprung, memory, families };
         if stages.enters_obstacle(system, context, particles, (step.obstacles, &filter))
             || stages.gains_energy(system, context, particles)
         {

@@ -12,6 +12,7 @@ use bevy::math::DVec3;
 use super::block::{Factor, Symmetric};
 use super::core::{get, set, thirds, thirds_mut};
 use super::system::System;
+use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::Elimination;
 use crate::solver::graph::Hierarchy;
 
@@ -21,6 +22,39 @@ pub(super) struct Preconditioner {
     coarse: Vec<CoarseLevel>,
     /// Working space: the blocks that are to be inverted.
     blocks: Vec<Symmetric>,
+    /// Working space: where the ends of each element of more than two ends are on the level at hand.
+    members: Vec<Members>,
+}
+
+/// The members of a level in which an element has ends, and the sums of its weights there.
+#[derive(Debug, Clone, Copy, Default)]
+struct Members {
+    ends: [(usize, f64); MAX_ENDS],
+    count: usize,
+}
+
+impl Members {
+    fn of(ends: impl Iterator<Item = (usize, f64)>) -> Self {
+        let mut members = Self::default();
+        for (member, weight) in ends {
+            members.add(member, weight);
+        }
+        members
+    }
+
+    fn add(&mut self, member: usize, weight: f64) {
+        match self.ends[..self.count].iter_mut().find(|(other, _)| *other == member) {
+            Some((_, sum)) => *sum += weight,
+            None => {
+                self.ends[self.count] = (member, weight);
+                self.count += 1;
+            }
+        }
+    }
+
+    fn ends(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.ends[..self.count].iter().copied()
+    }
 }
 
 /// The factored blocks of the nodes, see [`Factor`], rounded to f32: a product of factors stays positive.
@@ -91,12 +125,16 @@ impl Preconditioner {
             }
         }
         self.finest.fill(self.blocks.iter().zip(inertia).map(|(block, inertia)| block.factor(*inertia)));
+        self.fill_coarse(system, elimination);
+    }
 
+    fn fill_coarse(&mut self, system: &System, elimination: &Elimination) {
+        let nodes = elimination.trees..elimination.free;
+        let compounds = &system.compounds[elimination.tree_compounds..];
+        let (mut finer_inertia, mut finer_own) = (&system.inertia[nodes.clone()], &system.diagonal[nodes]);
         self.coarse.resize_with(elimination.hierarchy.levels.len(), CoarseLevel::default);
-        let (mut finer_inertia, mut finer_own) = (inertia, own);
-        // The group of each end on the level at hand.
-        let mut compound_groups: Vec<Vec<(usize, f64)>> =
-            compounds.iter().map(|compound| compound.core_ends(elimination).collect()).collect();
+        self.members.clear();
+        self.members.extend(compounds.iter().map(|compound| Members::of(compound.core_ends(elimination))));
         for (level, coarse) in elimination.hierarchy.levels.iter().zip(&mut self.coarse) {
             coarse.inertia.clear();
             coarse.inertia.resize(level.count, 0.0);
@@ -116,10 +154,12 @@ impl Preconditioner {
                     self.blocks[end as usize] += block;
                 }
             }
-            for (compound, ends) in compounds.iter().zip(&mut compound_groups) {
-                coarsen(ends, &level.groups);
-                for (group, weight) in ends {
-                    self.blocks[*group] += compound.block.scaled(*weight * *weight);
+            for (compound, members) in compounds.iter().zip(&mut self.members) {
+                *members = Members::of(
+                    members.ends().map(|(member, weight)| (level.groups[member] as usize, weight)),
+                );
+                for (group, weight) in members.ends() {
+                    self.blocks[group] += compound.block.scaled(weight * weight);
                 }
             }
             coarse.inverse.clear();
@@ -172,17 +212,4 @@ impl Preconditioner {
             set(result, node, value);
         }
     }
-}
-
-/// Replaces the members of a level by their groups; weights in one group add up.
-fn coarsen(ends: &mut Vec<(usize, f64)>, groups: &[u32]) {
-    let mut coarse: Vec<(usize, f64)> = Vec::with_capacity(ends.len());
-    for (member, weight) in ends.drain(..) {
-        let group = groups[member] as usize;
-        match coarse.iter_mut().find(|(other, _)| *other == group) {
-            Some((_, sum)) => *sum += weight,
-            None => coarse.push((group, weight)),
-        }
-    }
-    *ends = coarse;
 }

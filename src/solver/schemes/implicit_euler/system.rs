@@ -8,6 +8,7 @@ use bevy::math::DVec3;
 use super::block::Symmetric;
 use super::contact;
 use super::contacts::Contacts;
+use super::gas::{self, GasTerms};
 use super::linearised::Linearised;
 use super::wide::Wide;
 use crate::solver::elements::{Elements, MAX_ENDS};
@@ -65,8 +66,14 @@ pub(super) struct System {
     pub links: Vec<Link>,
     /// The elements of more ends.
     pub compounds: Vec<Compound>,
+    /// What it encloses.
+    pub gases: GasTerms,
     /// With what nothing in the step can move.
     pub contacts: Contacts,
+    /// The forces of elements and gases at the start, N; found where a contact may rebound.
+    pub start_pull: Vec<DVec3>,
+    /// Working space: the gradient of the volume of a gas, m².
+    gradient: Vec<DVec3>,
 }
 
 /// The stiffness of an element of more than two ends; that of a tree node is in no `block`.
@@ -112,7 +119,6 @@ impl System {
         h: f64,
     ) {
         self.load = 1.0;
-        let viscosity = f64::from(field.viscosity);
         for (node, &slot) in elimination.slots.iter().enumerate() {
             let slot = slot as usize;
             let start = particles.position.get(slot).as_dvec3();
@@ -121,10 +127,11 @@ impl System {
             self.position[node] = start + h * velocity;
             if node < elimination.free {
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-                self.inertia[node] = mass / (h * h) + viscosity / h;
+                self.inertia[node] = mass / (h * h) + field.drag(slot, mass) / h;
                 self.flight[node] = start + h * particles.free_velocity(slot, field, h);
             }
         }
+        self.gases.begin(elimination, elements);
         self.elements.clear();
         for (&element, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
             let start = self.start[first as usize] - self.start[second as usize];
@@ -165,7 +172,8 @@ impl System {
         self.sums = Sums::default();
         self.step[elimination.free..].fill(DVec3::ZERO);
         let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
-        let Self { contacts, position, right, diagonal, compounds, .. } = self;
+        let Self { contacts, gases, position, right, diagonal, compounds, load, .. } = self;
+        let core = core + gases.linearise(elimination, position, *load, right);
         let touched = contacts.linearise(position, contact::Sums { right, diagonal, compounds });
         let trees = match elimination.bent.is_empty() {
             true => self.eliminate_trees(elimination),
@@ -186,7 +194,8 @@ impl System {
         let compounds = compounds.map(|(compound, element)| {
             element.energy(combine(&compound.nodes, compound.weights, &self.position))
         });
-        inertial.chain(pairs).chain(compounds).sum::<f64>() + self.contacts.energy(&self.position)
+        let gases = self.gases.energy(elimination, |node| self.position[node]);
+        inertial.chain(pairs).chain(compounds).sum::<f64>() + gases + self.contacts.energy(&self.position)
     }
 
     /// The tensions of the elements at the present positions, dampers included, N.
@@ -200,24 +209,27 @@ impl System {
         }))
     }
 
-    /// The forces of the elements on the nodes at the start of the step, N; dampers have none there.
-    pub fn start_pull(&self, elimination: &Elimination) -> Vec<DVec3> {
-        let mut pull = vec![DVec3::ZERO; self.start.len()];
+    /// Finds the forces of elements and gases on the nodes at the start of the step, N; dampers have none there.
+    pub fn find_start_pull(&mut self, elimination: &Elimination, elements: &Elements) {
+        let Self { start, start_pull: pull, .. } = self;
+        pull.clear();
+        pull.resize(start.len(), DVec3::ZERO);
         for (element, &[first, second]) in self.elements.iter().zip(&elimination.ends) {
             let [first, second] = [first as usize, second as usize];
-            let separation = self.start[first] - self.start[second];
+            let separation = start[first] - start[second];
             let force = separation.normalize_or_zero() * -element.tension(separation);
             pull[first] += force;
             pull[second] -= force;
         }
         for (compound, element) in self.compounds.iter().zip(&self.elements[elimination.elements.len()..]) {
-            let separation = combine(&compound.nodes, compound.weights, &self.start);
+            let separation = combine(&compound.nodes, compound.weights, start);
             let force = separation.normalize_or_zero() * -element.tension(separation);
             for (node, weight) in compound.nodes.ends().iter().zip(compound.weights) {
                 pull[*node as usize] += force * weight;
             }
         }
-        pull
+        let push = |node: usize, push: DVec3| pull[node] += push;
+        gas::for_each_force(elimination, elements, |node| start[node], &mut self.gradient, push);
     }
 
     fn linearise_core(&mut self, elimination: &Elimination) -> f64 {

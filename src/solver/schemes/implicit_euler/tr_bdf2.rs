@@ -31,6 +31,7 @@ use bevy::math::DVec3;
 
 use super::block::Symmetric;
 use super::contacts::PairFilter;
+use super::gas;
 use super::linearised::Linearised;
 use super::system::{Compound, System, combine};
 use super::write;
@@ -63,6 +64,8 @@ pub(super) struct Stages {
     elements: Vec<Length>,
     /// The tension of each element at the end of the trapezoidal rule, N; empty after a step of backward Euler.
     middle: Vec<f64>,
+    /// Working space: the gradient of the volume of a gas, m².
+    gradient: Vec<DVec3>,
 }
 
 /// m and m/s
@@ -84,7 +87,7 @@ struct Length {
 pub(super) struct Context<'a> {
     pub elimination: &'a Elimination,
     pub elements: &'a Elements,
-    pub field: Field,
+    pub field: Field<'a>,
     /// The substep, s.
     pub h: f64,
 }
@@ -123,7 +126,7 @@ impl Stages {
     /// length, m.
     fn measure_elements(&mut self, context: Context, particles: &Particles, wanted: bool) -> f64 {
         let Context { elimination, elements, .. } = context;
-        let Self { start, pull, elements: lengths, .. } = self;
+        let Self { start, pull, elements: lengths, gradient, .. } = self;
         if wanted {
             pull.resize(elimination.free, DVec3::ZERO);
         }
@@ -159,6 +162,18 @@ impl Stages {
         for compound in &elimination.compounds {
             measure(compound.element, compound.ends(), &elements.weights(compound.element));
         }
+        if wanted {
+            gas::for_each_force(
+                elimination,
+                elements,
+                |node| start[node].position,
+                gradient,
+                |node, push| {
+                    pull[node] +=
+                        push * f64::from(particles.inverse_mass()[elimination.slots[node] as usize]);
+                },
+            );
+        }
         shortest
     }
 
@@ -179,15 +194,15 @@ impl Stages {
     pub fn begin_trapezoid(&mut self, system: &mut System, context: Context, particles: &Particles) {
         let Context { elimination, field, h, .. } = context;
         let s = STAGE * h;
-        let (gravity, viscosity) = (field.gravity.as_dvec3(), f64::from(field.viscosity));
         self.stage.clear();
         self.stage.extend(self.start.iter().enumerate().map(|(node, &Motion { position, velocity })| {
             let mut kicked = velocity;
             if node < elimination.free {
                 let slot = elimination.slots[node] as usize;
-                let force = particles.applied_force.get(slot).as_dvec3() - viscosity * velocity;
                 let inverse_mass = f64::from(particles.inverse_mass()[slot]);
-                kicked += s * (self.pull[node] + gravity + inverse_mass * force);
+                let force = inverse_mass * particles.applied_force.get(slot).as_dvec3();
+                let drag = field.decay_rate(slot, inverse_mass) * velocity;
+                kicked += s * (self.pull[node] + field.acceleration(slot) + force - drag);
             }
             Motion { position: position + s * velocity, velocity: kicked }
         }));
@@ -228,6 +243,7 @@ impl Stages {
         let s = STAGE * h;
         system.contacts.clear();
         system.load = 1.0;
+        system.gases.begin(elimination, elements);
         // The dampers' lengths are taken before the positions are others.
         system.elements.clear();
         let two_ends = elimination.elements.iter().zip(&elimination.ends).zip(&self.elements);
@@ -247,14 +263,13 @@ impl Stages {
             system.elements.push(element);
             system.compounds.push(Compound { nodes, weights, block: Symmetric::default() });
         }
-        let viscosity = f64::from(field.viscosity);
         for (node, &Motion { position, velocity }) in self.stage.iter().enumerate() {
             system.start[node] = position;
             system.position[node] = position + s * velocity;
             if node < elimination.free {
                 let slot = elimination.slots[node] as usize;
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-                system.inertia[node] = mass / (s * s) + viscosity / s;
+                system.inertia[node] = mass / (s * s) + field.drag(slot, mass) / s;
                 system.flight[node] = position + s * particles.velocity_after(slot, velocity, field, s);
             }
         }
@@ -295,8 +310,12 @@ impl Stages {
             let (position, stage) = (system.position[node], self.stage[node].position);
             Motion { position, velocity: (position - stage) / s }
         };
-        let [kinetic, potential] = energy(context, particles, |node| self.start[node]);
-        let [new_kinetic, new_potential] = energy(context, particles, end);
+        let energy = |motion: &dyn Fn(usize) -> Motion| {
+            let [kinetic, potential] = energy(context, particles, motion);
+            [kinetic, potential + system.gases.energy(context.elimination, |node| motion(node).position)]
+        };
+        let [kinetic, potential] = energy(&|node| self.start[node]);
+        let [new_kinetic, new_potential] = energy(&end);
         new_kinetic + new_potential > kinetic + potential + MAX_GAIN * kinetic.max(new_kinetic)
     }
 
@@ -323,7 +342,7 @@ fn staged_element(elements: &Elements, number: u32, start: DVec3, length: f64, s
     Linearised::new(elements.potential(number, direction * length.max(0.0), s), start)
 }
 
-/// Kinetic energy, and that of elements, gravity and applied forces, J.
+/// Kinetic energy, and that of elements, gravity, the push of the air and applied forces, J.
 fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Motion) -> [f64; 2] {
     let Context { elimination, elements, field, .. } = context;
     let (mut kinetic, mut potential) = (0.0, 0.0);
@@ -332,7 +351,7 @@ fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Mot
         let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
         kinetic += 0.5 * mass * velocity.length_squared();
         potential -=
-            (mass * field.gravity.as_dvec3() + particles.applied_force.get(slot).as_dvec3()).dot(position);
+            (mass * field.acceleration(slot) + particles.applied_force.get(slot).as_dvec3()).dot(position);
     }
     let mut stretch = |number: u32, separation: DVec3| {
         let (rates, rest_length, tension_only) = elements.coefficients(number);

@@ -1,0 +1,75 @@
+//! Ties between parts of nets and other entities.
+
+use bevy::ecs::entity::MapEntities;
+use bevy::prelude::*;
+
+#[cfg(feature = "serialize")]
+use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
+
+/// On a [`Part`](crate::nets::Part) of one particle: ties it to another entity, which it pulls at.
+///
+/// From the next tick on the part's entity has a [`Spring`](crate::Spring):
+/// - to a [`Particle`](crate::Particle) or a part of one particle, as long at rest as they are apart now, if these
+///   take part in the simulation: both pull at each other;
+/// - to the place where the part is now in the frame of any other entity with a `Transform`, 0 long at rest. That place
+///   moves and turns with the entity.
+///
+/// All that is true of springs is true of it: its tension is in [`SpringForces`](crate::SpringForces) under the part, and
+/// when it breaks the part gets [`Broken`](crate::Broken) and the event [`Broke`](crate::Broke); when its other end is
+/// despawned, what [`OrphanedSprings`](crate::OrphanedSprings) says holds for the part. Without the component the tie is
+/// undone; inserted again it ties anew. To hold a part rigidly take [`Pinned`](crate::Pinned).
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # use bevy_mass_spring::nets::{Attachment, Part, ParticleNet, Parts};
+/// fn lamp(mut commands: Commands, rope: ParticleNet, hook: Entity, lamp: Entity) {
+///     commands.spawn((
+///         rope,
+///         related!(Parts[
+///             (Part::Start, Attachment::to(hook)),
+///             (Part::End, Attachment::to(lamp).breaking_at(500.0)),
+///         ]),
+///     ));
+/// }
+/// ```
+#[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Component, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+pub struct Attachment {
+    /// What the part is tied to.
+    #[entities]
+    pub entity: Entity,
+    /// The tension at which the tie breaks, N, finite and >= 0. Default `None`: never.
+    pub breaking_force: Option<f32>,
+    /// The stiffness of the tie, N/m, finite and >= 0. Default `None`: that of the stiffest spring of the net at the
+    /// particle, which costs the simulation nothing.
+    pub stiffness: Option<f32>,
+}
+
+impl Attachment {
+    /// A tie to `entity` that does not break.
+    pub const fn to(entity: Entity) -> Self {
+        Self { entity, breaking_force: None, stiffness: None }
+    }
+
+    /// The same with a breaking force, N.
+    pub const fn breaking_at(mut self, force: f32) -> Self {
+        self.breaking_force = Some(force);
+        self
+    }
+
+    /// The same with a stiffness, N/m.
+    pub const fn with_stiffness(mut self, stiffness: f32) -> Self {
+        self.stiffness = Some(stiffness);
+        self
+    }
+}
+
+/// What holds an [`Attachment`] that is in effect.
+#[derive(Component, Debug, Clone, Copy)]
+pub(crate) struct Tied {
+    /// The pinned particle in the frame of what it is tied to, if that is none itself.
+    pub anchor: Option<Entity>,
+}

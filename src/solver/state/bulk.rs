@@ -1,0 +1,208 @@
+//! Nets: consecutive particles and elements, added and removed as one.
+
+use std::ops::Range;
+
+use bevy::math::Vec3;
+
+use super::State;
+use crate::solver::elements::{Bend, Face, Filament, Gas, Spring};
+
+/// Where a net is: consecutive slots, unless particles were renumbered since, and consecutive places in each table.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct NetRanges {
+    pub particles: Range<usize>,
+    pub springs: Range<usize>,
+    pub rods: Range<usize>,
+    pub hinges: Range<usize>,
+    pub faces: Range<usize>,
+    pub filaments: Range<usize>,
+    pub gas: Option<usize>,
+}
+
+/// The elements of a net, with ends that are counted from its first particle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NetElements<'a> {
+    pub springs: &'a [([u32; 2], Spring)],
+    pub rods: &'a [([u32; 3], Bend<3>)],
+    pub hinges: &'a [([u32; 4], Bend<4>)],
+    /// The triangles of the surface.
+    pub triangles: &'a [[u32; 3]],
+    /// How air acts on these; `None` where it does not.
+    pub face: Option<Face>,
+    /// How air acts along the springs; `None` where it does not.
+    pub filament: Option<Filament>,
+    /// What the surface encloses.
+    pub gas: Option<Gas>,
+    /// Whether the particles do not collide with each other.
+    pub ignores_itself: bool,
+}
+
+impl NetElements<'_> {
+    fn faces(&self) -> usize {
+        if self.face.is_some() { self.triangles.len() } else { 0 }
+    }
+
+    fn filaments(&self) -> usize {
+        if self.filament.is_some() { self.springs.len() } else { 0 }
+    }
+}
+
+impl State {
+    /// Appends a net: its particles as (position in m, velocity in m/s, 1 / mass in 1/kg; 0: pinned), all of one radius, m,
+    /// and its elements.
+    pub(crate) fn add_net(
+        &mut self,
+        particles: impl ExactSizeIterator<Item = (Vec3, Vec3, f32)>,
+        radius: f32,
+        elements: NetElements,
+    ) -> NetRanges {
+        let first = self.particles.len();
+        self.particles.extend(particles, radius);
+        if elements.ignores_itself {
+            self.particles.set_family(first..self.particles.len(), true);
+        }
+        self.contacts.request_search();
+        self.may_coincide |= !elements.springs.is_empty();
+        NetRanges {
+            particles: first..self.particles.len(),
+            springs: self.elements.extend(first as u32, elements.springs),
+            rods: self.elements.extend(first as u32, elements.rods),
+            hinges: self.elements.extend(first as u32, elements.hinges),
+            ..self.add_surface(first as u32, elements)
+        }
+    }
+
+    fn add_surface(&mut self, first: u32, elements: NetElements) -> NetRanges {
+        let triangles = elements.triangles.iter().map(|ends| ends.map(|end| end + first));
+        let links = elements.springs.iter().map(|(ends, _)| ends.map(|end| end + first));
+        NetRanges {
+            faces: elements.face.map_or(0..0, |face| self.add_faces(triangles.clone(), face)),
+            filaments: elements.filament.map_or(0..0, |filament| self.add_filaments(links, filament)),
+            gas: elements.gas.map(|gas| self.add_gas(&triangles.collect::<Vec<_>>(), gas)),
+            ..NetRanges::default()
+        }
+    }
+
+    /// Empties the slots and the places of the elements of a net that end in these slots.
+    pub(crate) fn remove_from_net(&mut self, ranges: &NetRanges, slots: impl Iterator<Item = usize>) {
+        let mut is_gone = vec![false; self.particles.len()];
+        for slot in slots {
+            is_gone[slot] = true;
+            self.remove_particle(slot);
+        }
+        self.remove_elements(ranges, |end| is_gone[end as usize]);
+    }
+
+    /// Empties all slots and places of a net.
+    pub(crate) fn remove_net(&mut self, ranges: &NetRanges, slots: impl Iterator<Item = usize>) {
+        self.remove_faces(ranges.faces.clone());
+        self.remove_filaments(ranges.filaments.clone());
+        ranges.gas.into_iter().for_each(|gas| self.remove_gas(gas));
+        for slot in slots {
+            self.particles.vacate(slot);
+            self.pulls.forget(slot);
+            self.contacts.forget_particle(slot);
+        }
+        self.contacts.request_search();
+        self.remove_elements(ranges, |_| true);
+    }
+
+    fn remove_elements(&mut self, ranges: &NetRanges, is_gone: impl Fn(u32) -> bool) {
+        let elements = &mut self.elements;
+        elements
+            .remove_where::<Spring, 2>(ranges.springs.clone(), |ends| ends.iter().any(|end| is_gone(*end)));
+        elements.remove_where::<Bend<3>, 3>(ranges.rods.clone(), |ends| ends.iter().any(|end| is_gone(*end)));
+        elements
+            .remove_where::<Bend<4>, 4>(ranges.hinges.clone(), |ends| ends.iter().any(|end| is_gone(*end)));
+    }
+
+    /// Gives the elements of a net these parameters. `slot_of` has the slot of each particle, `is_absent` says which
+    /// particles are out of the simulation and `is_broken` which springs are. `false`, and nothing is changed, if they
+    /// join other particles. What has yielded stays so.
+    pub(crate) fn set_net(
+        &mut self,
+        ranges: &NetRanges,
+        wanted: NetElements,
+        slot_of: impl Fn(u32) -> u32 + Copy,
+        is_absent: impl Fn(u32) -> bool + Copy,
+        is_broken: impl Fn(usize) -> bool,
+    ) -> bool {
+        let Self { elements, pulls, contacts, .. } = self;
+        let mut any_changed = false;
+        let mut on_change = |ends: &[u32], begins_or_ends: bool| {
+            any_changed = true;
+            if begins_or_ends {
+                ends.iter().for_each(|end| pulls.forget(*end as usize));
+            }
+        };
+        let merge_springs = |number: usize, old: &Spring, new: &Spring| {
+            if is_broken(number) || wanted.springs[number].0.iter().any(|end| is_absent(*end)) {
+                return *old;
+            }
+            yielded_as(*new, old)
+        };
+        let merge_rods = |number: usize, old: &Bend<3>, new: &Bend<3>| {
+            if wanted.rods[number].0.iter().any(|end| is_absent(*end)) { *old } else { *new }
+        };
+        let merge_hinges = |number: usize, old: &Bend<4>, new: &Bend<4>| {
+            if wanted.hinges[number].0.iter().any(|end| is_absent(*end)) { *old } else { *new }
+        };
+        let NetRanges { springs, rods, hinges, .. } = ranges.clone();
+        let has_same_surface = ranges.faces.len() == wanted.faces()
+            && ranges.filaments.len() == wanted.filaments()
+            && ranges.gas.is_some() == wanted.gas.is_some();
+        let is_same = has_same_surface
+            && elements.set_all(springs, wanted.springs, slot_of, merge_springs, |e, b| on_change(e, b))
+            && elements.set_all(rods, wanted.rods, slot_of, merge_rods, |e, b| on_change(e, b))
+            && elements.set_all(hinges, wanted.hinges, slot_of, merge_hinges, |e, b| on_change(e, b));
+        if any_changed {
+            contacts.request_search();
+            self.may_coincide = true;
+        }
+        if is_same {
+            wanted.face.into_iter().for_each(|face| self.set_faces(ranges.faces.clone(), face));
+            wanted.filament.into_iter().for_each(|link| self.set_filaments(ranges.filaments.clone(), link));
+            ranges.gas.zip(wanted.gas).into_iter().for_each(|(number, gas)| self.set_gas(number, gas));
+            let slots = (0..ranges.particles.len()).map(|particle| slot_of(particle as u32) as usize);
+            self.set_family(slots, wanted.ignores_itself);
+        }
+        is_same
+    }
+
+    /// Has the particles in some slots collide with each other, or not.
+    fn set_family(&mut self, mut slots: impl Iterator<Item = usize> + Clone, is_one: bool) {
+        let was_one = slots.clone().next().is_some_and(|slot| self.particles.has_family(slot));
+        if was_one != is_one {
+            self.particles.set_family(&mut slots, is_one);
+            self.contacts.request_search();
+        }
+    }
+
+    /// Springs of a net that was added anew go on from what they were when the last tick ended.
+    pub(crate) fn set_past_net(&mut self, ranges: &NetRanges, past: &[Spring]) {
+        for (index, past) in ranges.springs.clone().zip(past) {
+            let Some(present) = self.spring(index).copied().filter(|present| present != past) else {
+                continue;
+            };
+            let yielded = yielded_as(present, past);
+            self.set_spring(index, yielded);
+            if yielded != *past {
+                self.set_past_spring(index, *past);
+            }
+        }
+    }
+
+    /// The springs that do not belong to a net but end in one of its slots.
+    pub(crate) fn springs_into(&self, ranges: &NetRanges, is_in: impl Fn(u32) -> bool) -> Vec<usize> {
+        self.elements.springs_into(is_in, &ranges.springs)
+    }
+}
+
+/// The spring with the plastic strain of another one.
+fn yielded_as(mut spring: Spring, other: &Spring) -> Spring {
+    if let (Some(own), Some(other)) = (&mut spring.plasticity, other.plasticity) {
+        own.strain = other.strain;
+    }
+    spring
+}

@@ -1,0 +1,103 @@
+//! Nets that break, and ropes on winches.
+
+use bevy::prelude::*;
+
+use super::super::state::{MassSpringState, Warnings};
+use super::registry::NetPlace;
+use crate::nets::{Breaking, Damage, Part, PartOf, ParticleNet, Rupture, Winch};
+use crate::particle::Pinned;
+use crate::report::{Broke, TickReport};
+use crate::solver;
+
+/// Before the arrays are copied: gives the springs of nets what they bear.
+pub(in crate::sync) fn give_breaking(
+    mut nets: Query<(Entity, &mut ParticleNet, &Breaking)>,
+    mut warnings: ResMut<Warnings>,
+) {
+    for (entity, mut net, breaking) in &mut nets {
+        if net.breaking() == *breaking {
+            continue;
+        }
+        match breaking.validate() {
+            Ok(()) => net.give_breaking(*breaking),
+            Err(problem) => warnings.warn_once(entity, format_args!("Breaking of net {entity}: {problem}")),
+        }
+    }
+}
+
+/// After the parts have moved: turns winches.
+pub(in crate::sync) fn turn_winches(
+    time: Res<Time>,
+    winches: Query<(Entity, &Winch, &Part, &PartOf), With<Pinned>>,
+    mut nets: Query<&mut ParticleNet>,
+    mut warnings: ResMut<Warnings>,
+) {
+    let time_step = f64::from(time.delta_secs());
+    if time_step == 0.0 {
+        return;
+    }
+    for (entity, winch, part, PartOf(net_entity)) in &winches {
+        let Ok(mut net) = nets.get_mut(*net_entity) else { continue };
+        let is_at_start = matches!(part, Part::Start | Part::Particle(0));
+        let problem = match winch.validate() {
+            Err(problem) => problem.to_string(),
+            Ok(()) if !is_at_start => "it is not at the start of its net".to_owned(),
+            Ok(()) if net.turn_winch(winch, time_step) => continue,
+            Ok(()) => format!("net {net_entity} is no open rope of links"),
+        };
+        warnings.warn_once(entity, format_args!("winch {entity} does not turn: {problem}"));
+    }
+}
+
+/// Has a net come apart where springs broke in this tick, and publishes it. Returns whether any did.
+pub(super) fn publish_breaks(
+    commands: &mut Commands,
+    (entity, net, place): (Entity, &mut Mut<ParticleNet>, &NetPlace),
+    broken: &[solver::Broken],
+    state: &solver::State,
+    report: &mut TickReport,
+) -> bool {
+    let own = &place.ranges.springs;
+    let is_own = |broken: &&solver::Broken| own.contains(&broken.spring);
+    let number = |broken: &solver::Broken| (broken.spring - own.start) as u32;
+    let ruptures: Vec<Rupture> = broken
+        .iter()
+        .filter(is_own)
+        .map(|broken| Rupture { spring: number(broken), elongation: broken.elongation })
+        .collect();
+    if ruptures.is_empty() {
+        return false;
+    }
+    let Damage { broken: parted, pieces } = net.come_apart(&ruptures);
+    for broken in broken.iter().filter(is_own).filter(|broken| parted.contains(&number(broken))) {
+        commands.trigger(Broke {
+            entity,
+            tick: report.tick,
+            tension: broken.tension,
+            point: broken.point + state.origin,
+            spring: Some(number(broken)),
+            pieces: Some(pieces),
+        });
+        report.broken += 1;
+    }
+    true
+}
+
+/// Writes how far the springs of a net have yielded.
+pub(super) fn note_yields(
+    (net, place): (&mut Mut<ParticleNet>, &NetPlace),
+    yielded: &[u32],
+    state: &solver::State,
+) {
+    let own = &place.ranges.springs;
+    for slot in yielded.iter().map(|slot| *slot as usize).filter(|slot| own.contains(slot)) {
+        if let Some(plasticity) = state.spring(slot).and_then(|spring| spring.plasticity) {
+            net.yield_spring((slot - own.start) as u32, plasticity.strain);
+        }
+    }
+}
+
+/// Whether a tick has anything to do here.
+pub(in crate::sync) fn any_winches(state: Res<MassSpringState>, winches: Query<(), With<Winch>>) -> bool {
+    !state.nets.entries.is_empty() && !winches.is_empty()
+}

@@ -1,0 +1,20 @@
+//! Nets in the simulation: which there are, where they are in the solver, and their arrays into it and back.
+//!
+//! Loose particles come first in the solver, then the nets, each a range of slots and of places in the tables of
+//! elements. What is added later is appended; all are sorted again when slots are assigned anew.
+
+mod attach;
+mod failure;
+mod gather;
+mod parts;
+mod place;
+mod registry;
+mod scatter;
+
+pub(super) use attach::{any_untied, retie, tie_attachments, untie};
+pub(super) use failure::{any_winches, give_breaking, turn_winches};
+pub(super) use gather::{GatheredNets, gather_nets};
+pub(super) use parts::{gather_parts, note_despawned_part, relink_part, scatter_parts, unlink_part};
+pub(super) use place::NetData;
+pub(super) use registry::{NetRegistry, mark_replaced, register_existing_nets, register_net, unregister_net};
+pub(super) use scatter::{any_nets, scatter_nets};

@@ -1,0 +1,186 @@
+//! The components of what takes part, as a snapshot holds them.
+
+use bevy::prelude::*;
+
+use crate::collider::PlaneCollider;
+use crate::nets::{PartState, ParticleNet};
+use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
+use crate::spring::{Broken, Spring};
+
+use super::easing;
+
+/// The components of a spring.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct SpringRecord {
+    pub entity: Entity,
+    pub spring: Spring,
+    pub is_broken: bool,
+}
+
+/// The components of a particle.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct ParticleRecord {
+    pub entity: Entity,
+    pub particle: Particle,
+    pub translation: Vec3,
+    pub velocity: ParticleVelocity,
+    pub force: Option<AppliedForce>,
+    pub is_pinned: bool,
+    pub is_quarantined: bool,
+}
+
+/// The components of a net.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct NetRecord {
+    pub entity: Entity,
+    pub net: ParticleNet,
+    pub translation: Vec3,
+    pub rotation: Quat,
+}
+
+/// The components of a part of a net.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct PartRecord {
+    pub entity: Entity,
+    pub net: Entity,
+    pub translation: Vec3,
+    pub rotation: Quat,
+    pub velocity: Vec3,
+    pub force: Option<AppliedForce>,
+    pub is_pinned: bool,
+    pub state: PartState,
+}
+
+/// The components of a plane.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct PlaneRecord {
+    pub entity: Entity,
+    pub plane: PlaneCollider,
+    pub translation: Vec3,
+    pub rotation: Quat,
+}
+
+impl ParticleRecord {
+    pub fn of(world: &World, entity: Entity) -> Option<Self> {
+        let entity = world.get_entity(entity).ok()?;
+        Some(Self {
+            entity: entity.id(),
+            particle: *entity.get()?,
+            translation: easing::exact_translation(world, entity)?,
+            velocity: *entity.get()?,
+            force: entity.get().copied(),
+            is_pinned: entity.contains::<Pinned>(),
+            is_quarantined: entity.contains::<Quarantined>(),
+        })
+    }
+
+    pub fn restore(&self, entity: &mut EntityWorldMut) {
+        entity.insert((self.particle, self.velocity));
+        if let Some(mut transform) = entity.get_mut::<Transform>() {
+            transform.translation = self.translation;
+        }
+        easing::reset(entity);
+        match self.force {
+            Some(force) => entity.insert(force),
+            None => entity.remove::<AppliedForce>(),
+        };
+        set_marker(entity, Pinned, self.is_pinned);
+        set_marker(entity, Quarantined, self.is_quarantined);
+    }
+}
+
+/// Inserts or removes a component without a value.
+fn set_marker<T: Component>(entity: &mut EntityWorldMut, marker: T, is_present: bool) {
+    match is_present {
+        true if entity.contains::<T>() => entity,
+        true => entity.insert(marker),
+        false => entity.remove::<T>(),
+    };
+}
+
+impl NetRecord {
+    pub fn of(world: &World, entity: Entity) -> Option<Self> {
+        let transform = world.get::<Transform>(entity)?;
+        let net = world.get::<ParticleNet>(entity)?.clone();
+        Some(Self { entity, net, translation: transform.translation, rotation: transform.rotation })
+    }
+
+    pub fn restore(self, world: &mut World) {
+        if let Some(mut net) = world.get_mut::<ParticleNet>(self.entity) {
+            *net = self.net;
+            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
+                (transform.translation, transform.rotation) = (self.translation, self.rotation);
+            }
+        }
+    }
+}
+
+impl SpringRecord {
+    pub fn of(world: &World, entity: Entity) -> Option<Self> {
+        let entity = world.get_entity(entity).ok()?;
+        Some(Self { entity: entity.id(), spring: *entity.get()?, is_broken: entity.contains::<Broken>() })
+    }
+
+    pub fn restore(&self, world: &mut World) {
+        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
+        if let Some(mut spring) = entity.get_mut::<Spring>() {
+            spring.set_if_neq(self.spring);
+            set_marker(&mut entity, Broken, self.is_broken);
+        }
+    }
+}
+
+impl PartRecord {
+    pub fn of(world: &World, net: Entity, entity: Entity) -> Option<Self> {
+        let entity = world.get_entity(entity).ok()?;
+        let Transform { translation, rotation, .. } = *entity.get()?;
+        Some(Self {
+            entity: entity.id(),
+            net,
+            translation,
+            rotation,
+            velocity: entity.get::<ParticleVelocity>()?.0,
+            force: entity.get().copied(),
+            is_pinned: entity.contains::<Pinned>(),
+            state: entity.get::<PartState>()?.clone(),
+        })
+    }
+
+    pub fn restore(self, world: &mut World) {
+        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
+        if !entity.contains::<PartState>() {
+            return;
+        }
+        entity.insert((self.state, ParticleVelocity(self.velocity)));
+        if let Some(mut transform) = entity.get_mut::<Transform>() {
+            (transform.translation, transform.rotation) = (self.translation, self.rotation);
+        }
+        match self.force {
+            Some(force) => entity.insert(force),
+            None => entity.remove::<AppliedForce>(),
+        };
+        set_marker(&mut entity, Pinned, self.is_pinned);
+    }
+}
+
+impl PlaneRecord {
+    pub fn of(world: &World, entity: Entity) -> Option<Self> {
+        let transform = world.get::<Transform>(entity)?;
+        let plane = *world.get::<PlaneCollider>(entity)?;
+        Some(Self { entity, plane, translation: transform.translation, rotation: transform.rotation })
+    }
+
+    pub fn restore(&self, world: &mut World) {
+        if let Some(mut plane) = world.get_mut::<PlaneCollider>(self.entity) {
+            plane.set_if_neq(self.plane);
+            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
+                (transform.translation, transform.rotation) = (self.translation, self.rotation);
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Nets in the simulation: the same physics as that of particle and spring entities, in one component.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod contacts;
+mod entities;
+mod faults;
+mod parts;
+mod recipes;
+mod shapes;
+mod snapshots;
