@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn normals_are_weighted_by_area() {
         // Two triangles about an edge: one of area 1/2 facing z, one of area 1 facing y.
-        let points = [Vec3A::ZERO, Vec3A::X, Vec3A::Y, Vec3A::new(0.0, 0.0, -2.0)];
+        let points = [Vec3A::ZERO, Vec3A::X, Vec3A::Y, Vec3A::new(0.0, 0.0, 2.0)];
         let triangles = [[0, 1, 2], [1, 0, 3]];
         let mut normals = Vec::new();
         sum_area_normals(&points, &triangles, &mut normals);
