@@ -173,8 +173,8 @@ mod tests {
         };
         assert_eq!(surface.overhang(), 0.75);
         // The worst case: the particles of positive weight at one end, the others at the other.
-        let mut scratch = Scratch::default();
-        scratch.places = vec![Vec3A::ONE, Vec3A::ZERO, Vec3A::ONE, Vec3A::ZERO];
+        let places = vec![Vec3A::ONE, Vec3A::ZERO, Vec3A::ONE, Vec3A::ZERO];
+        let mut scratch = Scratch { places, ..Scratch::default() };
         let mut vertices = Vertices::default();
         surface.write(1.0, &mut scratch, &mut vertices);
         assert_eq!(vertices.positions, [[1.75; 3]]);

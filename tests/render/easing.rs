@@ -45,7 +45,7 @@ fn a_net_is_drawn_on_the_way() {
     let mut last: Option<f32> = None;
     for _ in 0..20 {
         app.update();
-        let here = drawn(&app, cloth);
+        let here: f32 = drawn(&app, cloth);
         let fraction = app.world().resource::<Time<Fixed>>().overstep_fraction();
         let end = app.world().get::<ParticleNet>(cloth).unwrap().positions()[0].x;
         if end > 1.0 {
