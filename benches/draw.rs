@@ -27,7 +27,7 @@ fn sheet(side: u32) -> Topology {
             triangles.extend([[here, here + side, here + side + 1], [here, here + side + 1, here + 1]]);
         }
     }
-    let place = |slot: u32| Vec3::new((slot % side) as f32, (slot / side) as f32 * -1.0, 0.0) * 0.02;
+    let place = |slot: u32| Vec3::new((slot % side) as f32, -((slot / side) as f32), 0.0) * 0.02;
     Topology {
         positions: (0..side * side).map(place).collect(),
         masses: vec![0.01; (side * side) as usize],

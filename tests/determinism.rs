@@ -252,7 +252,7 @@ fn child_prints_the_history_of_nets() {
         for hash in net_history(&mut app, &nets, NET_TICKS) {
             println!("hash {hash}");
         }
-        nets.into_iter().for_each(|net| drop(app.world_mut().despawn(net)));
+        nets.into_iter().for_each(|net| _ = app.world_mut().despawn(net));
     }
 }
 

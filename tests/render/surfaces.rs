@@ -61,7 +61,7 @@ fn normals_and_tangents_of_a_cylinder() {
         let radial = Vec3::new(sin, 0.0, cos);
         // The diagonals weight the two sides of a vertex 1 to 2 at the upper and lower edge: off by a third of half a
         // step. Else both weigh the same.
-        let is_corner_row = number < 41 || number >= 4 * 41;
+        let is_corner_row = !(41..4 * 41).contains(&number);
         let bound = match column {
             0 | 40 => half_step,
             _ if is_corner_row => half_step / 3.0,
