@@ -64,7 +64,7 @@ pub enum SceneErrorReason {
         field: String,
         /// Why.
         #[source]
-        source: NetError,
+        source: Box<NetError>,
     },
 }
 
