@@ -10,7 +10,7 @@ use std::sync::Arc;
 use bevy::asset::{AssetPlugin, RenderAssetUsages};
 use bevy::camera::CameraPlugin;
 use bevy::ecs::message::Messages;
-use bevy::ecs::schedule::SingleThreadedExecutor;
+use bevy::ecs::schedule::{ScheduleLabel, SingleThreadedExecutor};
 use bevy::mesh::{Indices, MeshPlugin, PrimitiveTopology};
 use bevy::prelude::*;
 use bevy_mass_spring::nets::{Layout, Topology};

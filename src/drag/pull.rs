@@ -42,7 +42,8 @@ pub(super) fn place_particle(
     if (is_paused || is_own_pin) && place != target {
         // The next tick would put the particles of a pinned part there; paused, there is none.
         let together = held.holder.and_then(|(holder, _)| parts.get(holder).ok());
-        let together = together.map_or(&[index][..], PartState::particles);
+        let alone = [index];
+        let together = together.map_or(&alone[..], PartState::particles);
         let positions = net.positions_mut();
         for particle in together.iter().filter(|particle| **particle != index) {
             if let Some(other) = positions.get_mut(*particle as usize) {
@@ -88,7 +89,7 @@ pub(super) fn pull_particle(
 ) {
     let (Some(held), Some(target)) = (&mut grip.0, drag.target) else { return };
     let gravity = environment.map_or(Vec3::ZERO, |environment| environment.effective_gravity());
-    let mut pull_at = |held: &mut Held, mass: f32, position: Vec3, velocity: Vec3| {
+    let pull_at = |held: &mut Held, mass: f32, position: Vec3, velocity: Vec3| {
         let away = target - position;
         let acceleration = pull_acceleration(away, velocity, &mut held.load, time.delta_secs(), &settings);
         Some(mass * (acceleration - gravity)).filter(|pull| pull.is_finite())

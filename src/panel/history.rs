@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use bevy::prelude::*;
 
 use crate::diagnostics::Measurements;
+use crate::nets::{Layout, ParticleNet};
 use crate::report::{SpringForces, TickReport};
 
 /// The length of the plotted window, s.
@@ -62,6 +63,17 @@ impl History {
         });
     }
 
+    /// Long nets are plotted as the largest tension of each group of neighbours.
+    fn record_tension(&mut self, count: usize, tension: impl Fn(usize) -> f32) {
+        let group = count.div_ceil(MAX_TENSION_POINTS).max(1);
+        self.tension.clear();
+        self.tension.extend((0..count).step_by(group).map(|first| {
+            let springs = first..count.min(first + group);
+            let largest = springs.map(&tension).fold(f32::NEG_INFINITY, f32::max);
+            [first as f64 + 1.0, f64::from(largest)]
+        }));
+    }
+
     fn record_cost(&mut self, report: &TickReport) {
         if self.cost.len() >= COST_SAMPLES {
             self.cost.pop_front();
@@ -84,23 +96,38 @@ pub(super) fn record_history(
     time: Res<Time>,
     (report, measurements): (Res<TickReport>, Res<Measurements>),
     forces: Res<SpringForces>,
+    nets: Query<&ParticleNet>,
 ) {
     history.last_tick = report.tick;
     history.record_energy(time.elapsed_secs_f64(), &measurements);
     history.record_cost(&report);
 
-    // Long nets are plotted as the largest tension of each group of neighbours.
-    let group = forces.tensions.len().div_ceil(MAX_TENSION_POINTS).max(1);
-    history.tension.clear();
-    history.tension.extend(forces.tensions.chunks(group).enumerate().map(|(index, springs)| {
-        let largest = springs.iter().map(|(_, tension)| *tension).fold(f32::NEG_INFINITY, f32::max);
-        [(index * group) as f64 + 1.0, f64::from(largest)]
-    }));
+    if forces.tensions.is_empty() {
+        let is_rope = |net: &&ParticleNet| matches!(net.topology().layout, Layout::Rope { .. });
+        let rope = nets.iter().find(is_rope);
+        let count = rope.map_or(0, |rope| rope.topology().springs.len());
+        history.record_tension(count, |spring| rope.map_or(0.0, |rope| rope.tension(spring)));
+    } else {
+        history.record_tension(forces.tensions.len(), |spring| forces.tensions[spring].1);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_nets_are_plotted_as_the_largest_of_each_group() {
+        let mut history = History::default();
+        history.record_tension(3, |spring| spring as f32 - 1.0);
+        assert_eq!(history.tension, [[1.0, -1.0], [2.0, 0.0], [3.0, 1.0]]);
+        history.record_tension(MAX_TENSION_POINTS + 1, |spring| -(spring as f32));
+        let last = MAX_TENSION_POINTS as f64;
+        assert_eq!(history.tension[..2], [[1.0, 0.0], [3.0, -2.0]]);
+        assert_eq!(history.tension.last(), Some(&[last + 1.0, -last]));
+        history.record_tension(0, |_| 0.0);
+        assert!(history.tension.is_empty());
+    }
 
     #[test]
     fn the_window_is_bounded_in_time_and_in_number() {

@@ -7,13 +7,17 @@ use bevy_egui::egui::{self, Ui};
 
 use super::widgets::{Scale, TEXT_SIZE, field, parameter, row, slider};
 use crate::collider::{CollisionSettings, PlaneCollider};
-use crate::environment::Environment;
+use crate::environment::{Environment, Gusts};
 use crate::particle::{Particle, Pinned};
 use crate::settings::{Integrator, SolverSettings, SubstepMode};
 use crate::spring::Spring;
 
-/// Gravity and viscosity.
-pub(super) fn draw_environment(mut ui: InMut<Ui>, mut environment: ResMut<Environment>) {
+/// Gravity, viscosity, and the air; `calmed` are the gusts that were switched off last.
+pub(super) fn draw_environment(
+    mut ui: InMut<Ui>,
+    mut environment: ResMut<Environment>,
+    mut calmed: Local<Gusts>,
+) {
     let mut edited = *environment;
     row(&mut ui, "gravity", |ui| {
         ui.checkbox(&mut edited.gravity_enabled, "").on_hover_text("key g");
@@ -28,6 +32,29 @@ pub(super) fn draw_environment(mut ui: InMut<Ui>, mut environment: ResMut<Enviro
         ui.checkbox(&mut edited.viscosity_enabled, "").on_hover_text("key v");
         ui.add_enabled_ui(edited.viscosity_enabled, |ui| {
             slider(ui, "N·s/m", &mut edited.viscosity, 0.0..=10.0, Scale::Logarithmic(1e-3));
+        });
+    });
+    row(&mut ui, "wind", |ui| {
+        ui.checkbox(&mut edited.air_enabled, "").on_hover_text("whether the air acts");
+        ui.add_enabled_ui(edited.air_enabled, |ui| {
+            for value in [&mut edited.wind.x, &mut edited.wind.y, &mut edited.wind.z] {
+                field(ui, value, -100.0..=100.0);
+            }
+            ui.label("m/s");
+        });
+    });
+    ui.add_enabled_ui(edited.air_enabled, |ui| {
+        let density = &mut edited.air_density;
+        parameter(ui, "air density", "kg/m³", density, 0.0..=1000.0, Scale::Logarithmic(0.1));
+        row(ui, "gusts", |ui| {
+            let mut gusts = edited.gusts.unwrap_or(*calmed);
+            let mut is_gusty = edited.gusts.is_some();
+            ui.checkbox(&mut is_gusty, "");
+            ui.add_enabled_ui(is_gusty, |ui| {
+                slider(ui, "m/s", &mut gusts.strength, 0.0..=20.0, Scale::Linear);
+            });
+            *calmed = gusts;
+            edited.gusts = is_gusty.then_some(gusts);
         });
     });
     environment.set_if_neq(edited);

@@ -49,9 +49,9 @@ pub(super) fn draw_energy(mut ui: InMut<Ui>, history: Res<History>) {
         });
 }
 
-/// The tension of each spring at the last tick; nothing where there are no springs.
+/// The tension of each spring at the last tick, or of those of a rope; nothing where there are neither.
 pub(super) fn draw_tension(mut ui: InMut<Ui>, history: Res<History>, springs: Query<(), With<Spring>>) {
-    if springs.is_empty() {
+    if springs.is_empty() && history.tension.is_empty() {
         return;
     }
     title(&mut ui, "Tension (N) along the springs");

@@ -7,6 +7,7 @@ use super::RestartWithParameters;
 use super::history::History;
 use super::widgets::{TEXT_SIZE, number};
 use crate::diagnostics::Measurements;
+use crate::nets::ParticleNet;
 use crate::particle::{Particle, Quarantined};
 use crate::report::TickReport;
 use crate::spring::Spring;
@@ -50,9 +51,15 @@ pub(super) fn draw_cost(
     history: Res<History>,
     particles: Query<(), (With<Particle>, Without<Quarantined>)>,
     springs: Query<(), With<Spring>>,
+    nets: Query<&ParticleNet>,
 ) {
     ui.separator();
-    let (particles, springs) = (particles.iter().len(), springs.iter().len());
+    // They are counted here, as the report knows them only once a tick has run.
+    let in_nets = nets.iter().map(|net| net.len() - net.quarantined().len()).sum::<usize>();
+    let springs_in_nets =
+        nets.iter().map(|net| net.topology().springs.len() - net.broken().len()).sum::<usize>();
+    let particles = particles.iter().count() + in_nets;
+    let springs = springs.iter().count() + springs_in_nets;
     let TickReport { contacts, faults, .. } = &*report;
     let cost = history.mean_cost();
     let total = format!("{:.3}", cost[0] + cost[1] + cost[2]);

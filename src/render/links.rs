@@ -110,7 +110,7 @@ fn spawn(net: Entity, template: Entity, particles: [u32; 2], commands: &mut Comm
     commands.queue(move |world: &mut World| {
         if world.get_entity(template).is_ok() && world.get_entity(link).is_ok() {
             EntityCloner::build_opt_out(world)
-                .deny::<(Transform, ChildOf)>()
+                .deny::<ChildOf>()
                 .linked_cloning(true)
                 .clone_entity(template, link);
         }

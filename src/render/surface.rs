@@ -173,8 +173,8 @@ mod tests {
         };
         assert_eq!(surface.overhang(), 0.75);
         // The worst case: the particles of positive weight at one end, the others at the other.
-        let mut scratch = Scratch::default();
-        scratch.places = vec![Vec3A::ONE, Vec3A::ZERO, Vec3A::ONE, Vec3A::ZERO];
+        let places = vec![Vec3A::ONE, Vec3A::ZERO, Vec3A::ONE, Vec3A::ZERO];
+        let mut scratch = Scratch { places, ..Scratch::default() };
         let mut vertices = Vertices::default();
         surface.write(1.0, &mut scratch, &mut vertices);
         assert_eq!(vertices.positions, [[1.75; 3]]);
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn normals_are_weighted_by_area() {
         // Two triangles about an edge: one of area 1/2 facing z, one of area 1 facing y.
-        let points = [Vec3A::ZERO, Vec3A::X, Vec3A::Y, Vec3A::new(0.0, 0.0, -2.0)];
+        let points = [Vec3A::ZERO, Vec3A::X, Vec3A::Y, Vec3A::new(0.0, 0.0, 2.0)];
         let triangles = [[0, 1, 2], [1, 0, 3]];
         let mut normals = Vec::new();
         sum_area_normals(&points, &triangles, &mut normals);

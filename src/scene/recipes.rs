@@ -190,7 +190,7 @@ impl MassSpringScene {
     /// Names the first net that cannot be.
     pub fn layout(&self) -> Result<SceneLayout, SceneError> {
         self.lay_out().map_err(|(index, source)| {
-            SceneErrorReason::Net { field: format!("nets[{index}]"), source }.into()
+            SceneErrorReason::Net { field: format!("nets[{index}]"), source: Box::new(source) }.into()
         })
     }
 

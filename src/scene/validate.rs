@@ -127,7 +127,10 @@ impl MassSpringScene {
         }
         self.lay_out().map_err(|(index, source)| {
             let path = Path(vec![Step::Field("nets"), Step::Index(index)]);
-            Fault { reason: SceneErrorReason::Net { field: path.to_string(), source }, path }
+            Fault {
+                reason: SceneErrorReason::Net { field: path.to_string(), source: Box::new(source) },
+                path,
+            }
         })
     }
 

@@ -23,6 +23,7 @@ fn lowest(app: &App, net: Entity) -> f32 {
 #[test]
 fn a_cloth_that_falls_on_a_plane_stays_above_it() {
     let mut app = app();
+    app.add_message::<Contact>();
     let plane = app.world_mut().spawn(PlaneCollider { restitution: 0.0, friction: 0.5 }).id();
     let net = spawn_cloth(&mut app, Vec3::Y * 0.3);
     let mut touching = [false; 81];
@@ -48,6 +49,7 @@ fn a_cloth_that_falls_on_a_plane_stays_above_it() {
 #[test]
 fn a_cloth_that_falls_on_a_pinned_ball_hangs_over_it() {
     let mut app = app();
+    app.add_message::<Contact>();
     let ball = spawn_pinned(&mut app, Vec3::ZERO);
     app.world_mut().entity_mut(ball).insert(Particle::new(1.0, 0.2));
     app.world_mut().resource_mut::<CollisionSettings>().friction = 1.0;

@@ -7,16 +7,16 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
 
-use crate::scene::{app, assert_enclosed, mesh, net, positions, sheet};
+use crate::scene::{app_with, assert_enclosed, mesh, net, positions, sheet};
 
 /// An app whose frames are a quarter of a tick, in which every tick moves the net by 1 m along x.
 fn eased_app() -> (App, Entity) {
-    let mut app = app();
-    app.add_plugins((
-        MassSpringPlugin::default().physics_only(),
-        MassSpringInterpolationPlugin { headless: true },
-    ));
-    app.finish();
+    let mut app = app_with(|app| {
+        app.add_plugins((
+            MassSpringPlugin::default().physics_only(),
+            MassSpringInterpolationPlugin { headless: true },
+        ));
+    });
     let tick = Duration::from_millis(16);
     app.insert_resource(Time::<Fixed>::from_duration(tick))
         .insert_resource(TimeUpdateStrategy::ManualDuration(tick / 4))
@@ -45,13 +45,13 @@ fn a_net_is_drawn_on_the_way() {
     let mut last: Option<f32> = None;
     for _ in 0..20 {
         app.update();
-        let here = drawn(&app, cloth);
+        let here: f32 = drawn(&app, cloth);
         let fraction = app.world().resource::<Time<Fixed>>().overstep_fraction();
         let end = app.world().get::<ParticleNet>(cloth).unwrap().positions()[0].x;
         if end > 1.0 {
             assert!((here - (end - 1.0 + fraction)).abs() < 1e-5, "{here} {end} {fraction}");
             if let Some(last) = last {
-                assert!((here - last - 0.25_f32).abs() < 1e-5, "frames are evenly apart");
+                assert!((here - last - 0.25).abs() < 1e-5, "frames are evenly apart");
             }
             last = Some(here);
         }

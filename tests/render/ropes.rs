@@ -218,6 +218,7 @@ fn links_are_copies_that_lie_along_the_rope() {
         assert!((place.rotation() * Vec3::Y).distance((to - from).normalize()) < 1e-5);
         assert!(place.scale().distance(Vec3::splat(2.0)) < 1e-5);
         let link = app.world().entity(*link);
+        assert!(link.contains::<Mesh3d>());
         assert_eq!(link.get::<Visibility>(), Some(&Visibility::Inherited));
         assert_eq!(link.get::<Children>().unwrap().len(), 1);
     }

@@ -15,6 +15,11 @@ use bevy_mass_spring::solver;
 
 /// An app with a camera at z = 5 that looks at the origin.
 pub fn app() -> App {
+    app_with(|_| ())
+}
+
+/// The same with more plugins.
+pub fn app_with(build: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.add_plugins((
         MinimalPlugins,
@@ -26,6 +31,7 @@ pub fn app() -> App {
     ))
     .insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
     app.world_mut().spawn((Camera3d::default(), Transform::from_xyz(0.0, 0.0, 5.0)));
+    build(&mut app);
     app.finish();
     app.cleanup();
     app

@@ -59,9 +59,9 @@ fn a_sheet_that_falls_flat_reaches_its_terminal_speed_in_every_scheme() {
     for (scheme, substeps) in schemes() {
         let mut solver = sheet(4, area_density, 20.0, Face { drag, lift: 0.0 });
         let settings = settings(scheme, substeps);
-        (0..110).for_each(|_| drop(solver.step(&settings).plan));
+        (0..110).for_each(|_| _ = solver.step(&settings));
         let start = solver.position(12).y;
-        (0..10).for_each(|_| drop(solver.step(&settings).plan));
+        (0..10).for_each(|_| _ = solver.step(&settings));
         for (what, speed) in
             [("velocity", -solver.velocity(12).y), ("distance", (start - solver.position(12).y) * 6.0)]
         {
@@ -115,7 +115,7 @@ fn a_plate_that_is_held_in_the_wind_feels_its_drag_at_any_step() {
         solver.add_face([1, 3, 5], Face { drag, lift: 0.5 }).unwrap();
         solver.outputs_mut().record_forces = true;
         let settings = StepSettings { gravity: Vec3::ZERO, wind, ..settings(scheme, substeps.max(2)) };
-        (0..600).for_each(|_| drop(solver.step(&settings).plan));
+        (0..600).for_each(|_| _ = solver.step(&settings));
         let tension: f32 = solver.outputs().tensions.iter().sum();
         assert!((tension / expected - 1.0).abs() < 1e-3, "{scheme}: {tension} of {expected} N");
     }
@@ -164,7 +164,7 @@ fn a_rope_that_falls_crosswise_reaches_its_terminal_speed() {
             }
         }
         let settings = settings(scheme, substeps);
-        (0..600).for_each(|_| drop(solver.step(&settings).plan));
+        (0..600).for_each(|_| _ = solver.step(&settings));
         let speed = -solver.velocity(5).y;
         assert!((speed / expected - 1.0).abs() < 1e-3, "{scheme}: {speed} of {expected} m/s");
     }

@@ -118,6 +118,6 @@ fn draw(
         }
     }
     for cable in &cables {
-        ui.label(format!("{:.2} m of cable", cable.length()));
+        ui.label(format!("{:.2} m of cable", cable.length().unwrap_or_default()));
     }
 }

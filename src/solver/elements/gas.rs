@@ -280,14 +280,14 @@ mod tests {
         let volume = enclosure.measure(|place| CORNERS[place], &mut gradient);
         assert!((volume - 1.0).abs() < 1e-14);
         assert!(gradient.iter().sum::<DVec3>().length() < 1e-14);
-        for place in 0..4 {
+        for (place, slope_of_volume) in gradient.iter().enumerate() {
             for axis in DVec3::AXES {
                 let moved = |by: f64| {
                     enclosure
                         .volume(|other| CORNERS[other] + if other == place { axis * by } else { DVec3::ZERO })
                 };
                 let slope = (moved(1e-4) - moved(-1e-4)) / 2e-4;
-                assert!((slope - gradient[place].dot(axis)).abs() < 1e-9);
+                assert!((slope - slope_of_volume.dot(axis)).abs() < 1e-9);
             }
         }
     }
@@ -317,7 +317,7 @@ mod tests {
 
     #[test]
     fn logarithms_are_those_of_the_library() {
-        for x in [1e-300, 1e-3, 0.7, 1.0, 1.4142, 2.0, 1e5, 1e300_f64] {
+        for x in [1e-300, 1e-3, 0.7, 1.0, 1.5, 2.0, 1e5, 1e300_f64] {
             let (found, expected) = (natural_logarithm(x), x.ln());
             assert!(
                 (found - expected).abs() <= 4.0 * f64::EPSILON * expected.abs(),
