@@ -195,11 +195,11 @@ impl MassSpringScene {
     }
 
     /// The same; or which net cannot be laid out, and why.
-    pub(super) fn lay_out(&self) -> Result<SceneLayout, (usize, Box<NetError>)> {
+    pub(super) fn lay_out(&self) -> Result<SceneLayout, (usize, NetError)> {
         let mut layout = SceneLayout::default();
         layout.positions.extend(self.particles.iter().map(|particle| particle.position));
         for (index, net) in self.nets.iter().enumerate() {
-            let topology = net.topology().map_err(|problem| (index, Box::new(problem)))?;
+            let topology = net.topology().map_err(|problem| (index, problem))?;
             layout.positions.extend(&topology.positions);
             layout.topologies.push(topology);
         }
