@@ -10,8 +10,6 @@
 //! in this frame before that; `draw` announces its own. Vertices are computed into buffers, on all threads, and
 //! exchanged with those of the mesh: nothing is copied, and nothing allocated.
 
-use std::sync::Arc;
-
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::NoAutoAabb;
 use bevy::math::Vec3A;
@@ -21,9 +19,10 @@ use bevy::prelude::*;
 use super::binding::Binding;
 use super::easing::{self, NetEasing, NetVersion, NetView};
 use super::frame::Frame;
+use super::known::{Known, Particles};
 use super::surface::{Scratch, Surface, Vertices};
 use super::tube::Tube;
-use crate::nets::{ParticleNet, Topology};
+use crate::nets::ParticleNet;
 
 /// What is drawn on an entity.
 #[derive(Component, Debug)]
@@ -33,7 +32,8 @@ pub(super) struct Drawing {
     /// The net that moves it.
     pub net: Entity,
     /// What it was made for.
-    pub topology: Arc<Topology>,
+    pub known: Known,
+    pub particles: Particles,
     pub kind: Kind,
     /// `None`: what is wrong with it was said already.
     pub shape: Option<Shape>,
@@ -74,10 +74,11 @@ impl Shape {
 }
 
 impl Drawing {
-    pub fn new(net: Entity, topology: Arc<Topology>, kind: Kind, mesh: Handle<Mesh>) -> Self {
+    pub fn new(entity: Entity, net: &ParticleNet, kind: Kind, mesh: Handle<Mesh>) -> Self {
         Self {
-            net,
-            topology,
+            net: entity,
+            known: Known::new(net),
+            particles: Particles::new(net.topology()),
             kind,
             shape: None,
             mesh,
@@ -100,16 +101,14 @@ impl Drawing {
         (self.bounds, self.bounded, self.drawn) = (None, None, None);
     }
 
-    /// Goes on with a net that tore, where what is drawn hangs on the particles that it had before. `false`: it is
-    /// another net.
-    pub fn keep(&mut self, topology: &Arc<Topology>) -> bool {
-        let old = self.topology.positions.as_slice();
-        let has_torn = topology.positions.get(..old.len()) == Some(old);
-        if has_torn {
-            self.topology = topology.clone();
-            self.reset();
+    /// Goes on with a net that tore or got other parameters, where what is drawn hangs on the particles that it had
+    /// before. `false`: it is another net.
+    pub fn keep(&mut self, net: &ParticleNet) -> bool {
+        let is_kept = self.particles.are_in(net.topology());
+        if is_kept {
+            self.known = Known::new(net);
         }
-        has_torn
+        is_kept
     }
 
     /// The box around all vertices in the space of the entity.
@@ -231,7 +230,7 @@ pub(super) fn draw_nets(
     let fraction = easing::fraction(time.as_deref());
     let compute = |drawing: &mut Drawing, seen: &ViewVisibility, place: &GlobalTransform| {
         let Ok((net, easing)) = nets.get(drawing.net) else { return };
-        if !seen.get() || !Arc::ptr_eq(&drawing.topology, net.topology()) {
+        if !seen.get() || !drawing.known.is_same(&net) {
             return;
         }
         let needed = drawing.shape.as_ref().map_or(usize::MAX, Shape::particle_count);

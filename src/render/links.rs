@@ -1,7 +1,6 @@
 //! Ropes as links: an entity of the user's own for each.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use bevy::ecs::entity::EntityCloner;
 use bevy::math::{Mat3A, Quat, Vec3, Vec3A};
@@ -9,9 +8,10 @@ use bevy::prelude::*;
 
 use super::easing::{self, NetEasing, NetVersion};
 use super::frame::Frame;
+use super::known::Known;
 use super::strands::strands;
 use super::tube::{orthonormal, transport};
-use crate::nets::{ParticleNet, Topology};
+use crate::nets::ParticleNet;
 
 /// Draws each link of a rope as a copy of another entity: chain links, bamboo, planks of a bridge.
 ///
@@ -54,7 +54,7 @@ pub struct RopeLink {
 #[derive(Component, Debug)]
 #[component(clone_behavior = Ignore)]
 pub(super) struct Links {
-    topology: Arc<Topology>,
+    known: Known,
     chains: Vec<Chain>,
     drawn: Option<(NetVersion, GlobalTransform, f32)>,
 }
@@ -73,14 +73,14 @@ pub(super) fn prepare_links(
     mut commands: Commands,
 ) {
     for (entity, net, settings, links) in &nets {
-        if links.is_some_and(|links| Arc::ptr_eq(&links.topology, net.topology())) {
+        if links.is_some_and(|links| links.known.is_same(net)) {
             continue;
         }
         let known = links.iter().flat_map(|links| &links.chains).flat_map(|chain| &chain.links);
         let mut known: BTreeMap<[u32; 2], Entity> =
             known.map(|(link, ends)| (sorted(*ends), *link)).collect();
         let mut chains = Vec::new();
-        for strand in strands(net.topology()) {
+        for strand in strands(net.topology(), net.broken()) {
             let mut links = Vec::new();
             for ends in strand.particles.windows(2) {
                 let particles = [ends[0], ends[1]];
@@ -96,7 +96,7 @@ pub(super) fn prepare_links(
         for link in known.into_values() {
             commands.entity(link).try_despawn();
         }
-        let links = Links { topology: net.topology().clone(), chains, drawn: None };
+        let links = Links { known: Known::new(net), chains, drawn: None };
         commands.entity(entity).try_insert(links);
     }
 }
@@ -109,10 +109,7 @@ fn spawn(net: Entity, template: Entity, particles: [u32; 2], commands: &mut Comm
     let link = commands.spawn_empty().id();
     commands.queue(move |world: &mut World| {
         if world.get_entity(template).is_ok() && world.get_entity(link).is_ok() {
-            EntityCloner::build_opt_out(world)
-                .deny::<ChildOf>()
-                .linked_cloning(true)
-                .clone_entity(template, link);
+            EntityCloner::build_opt_out(world).linked_cloning(true).clone_entity(template, link);
         }
         let scale = world.get::<Transform>(template).map_or(Vec3::ONE, |transform| transform.scale);
         // The net may have been despawned with the same commands.
@@ -149,11 +146,8 @@ pub(super) fn place_links(
             }
         }
         let now = Some((version, place, settings.twist));
-        let Links { topology, chains, drawn } = drawn.bypass_change_detection();
-        if *drawn == now
-            || !Arc::ptr_eq(topology, net.topology())
-            || view.end.len() < topology.positions.len()
-        {
+        let Links { known, chains, drawn } = drawn.bypass_change_detection();
+        if *drawn == now || !known.is_same(&net) || view.end.len() < net.topology().positions.len() {
             continue;
         }
         *drawn = now;

@@ -21,6 +21,7 @@ pub(crate) mod easing;
 mod fine;
 mod frame;
 mod generated;
+mod known;
 mod links;
 mod net_mesh;
 mod own_mesh;

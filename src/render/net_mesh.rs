@@ -1,13 +1,12 @@
 //! A mesh that moves with the net on its own entity.
 
-use std::sync::Arc;
-
 use bevy::asset::RenderAssetUsages;
 use bevy::prelude::*;
 
 use super::binding::{Binding, NetMeshError, bind};
 use super::drawing::{Drawing, Kind, Shape};
 use super::generated;
+use super::known::Particles;
 use super::own_mesh::{OwnMesh, report};
 use super::rope_mesh::{RopeMesh, RopeRibbon};
 use super::surface::Surface;
@@ -68,9 +67,7 @@ pub(super) fn prepare_net_meshes(
             && drawing.kind == Kind::NetMesh
             && source == Some(&drawing.mesh)
         {
-            if Arc::ptr_eq(&drawing.topology, net.topology())
-                || tear(drawing.bypass_change_detection(), net.topology(), &mut meshes)
-            {
+            if drawing.known.is_same(net) || tear(drawing.bypass_change_detection(), net, &mut meshes) {
                 continue;
             }
             // Another net: from the mesh at rest, or from none.
@@ -89,14 +86,13 @@ pub(super) fn prepare_net_meshes(
             Some(_) => bind(&mut mesh, net.topology()),
             None => bind_generated(&mut mesh, net.topology()),
         };
-        let topology = net.topology().clone();
         let shape = match bound {
             Ok((surface, binding)) => Shape::Surface { surface, binding },
             Err(error) => {
                 report(entity, name, &error);
                 // Its mesh stays; it is tried again with another.
                 let mesh = source.unwrap_or_default();
-                commands.entity(entity).try_insert(Drawing::new(entity, topology, Kind::NetMesh, mesh));
+                commands.entity(entity).try_insert(Drawing::new(entity, net, Kind::NetMesh, mesh));
                 continue;
             }
         };
@@ -107,7 +103,7 @@ pub(super) fn prepare_net_meshes(
         }
         commands
             .entity(entity)
-            .try_insert(Drawing::new(entity, topology, Kind::NetMesh, handle).with_shape(shape));
+            .try_insert(Drawing::new(entity, net, Kind::NetMesh, handle).with_shape(shape));
     }
 }
 
@@ -120,22 +116,23 @@ fn bind_generated(mesh: &mut Mesh, topology: &Topology) -> Result<(Surface, Opti
 }
 
 /// Lets the mesh follow a net that tore. `false`: it is another net.
-fn tear(drawing: &mut Drawing, topology: &Arc<Topology>, meshes: &mut Assets<Mesh>) -> bool {
-    let old = &drawing.topology;
-    let count = old.positions.len();
-    let has_torn = topology.positions.get(..count) == Some(old.positions.as_slice())
-        && topology.triangles.len() == old.triangles.len();
-    let Some(Shape::Surface { surface, binding }) = &mut drawing.shape else { return !has_torn };
-    if !has_torn {
+fn tear(drawing: &mut Drawing, net: &ParticleNet, meshes: &mut Assets<Mesh>) -> bool {
+    if !drawing.keep(net) {
         return false;
     }
-    let Some(binding) = binding else {
-        return drawing.keep(topology);
-    };
+    // What cannot be drawn still cannot; a fine mesh hangs on the same particles as before.
+    let Some(Shape::Surface { surface, binding: Some(binding) }) = &mut drawing.shape else { return true };
+    let topology = net.topology();
+    if topology.triangles.is_empty() || topology.triangles == surface.triangles {
+        return true;
+    }
+    if topology.triangles.len() != surface.triangles.len() {
+        return false;
+    }
     let Some(mut mesh) = meshes.get_mut(&drawing.mesh) else { return false };
     let Ok(torn) = binding.follow(&mut mesh, topology) else { return false };
     *surface = torn;
-    drawing.topology = topology.clone();
+    drawing.particles = Particles::new(topology);
     drawing.reset();
     true
 }

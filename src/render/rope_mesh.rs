@@ -1,13 +1,12 @@
 //! Ropes as tubes and ribbons.
 
-use std::sync::Arc;
-
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use thiserror::Error;
 
 use super::drawing::{Drawing, Kind, Shape};
+use super::known::Known;
 use super::own_mesh::{OwnMesh, report};
 use super::surface::{Scratch, Vertices};
 use super::tube::{Profile, Section, Tube};
@@ -193,7 +192,7 @@ pub(super) fn prepare_ropes(
         let drawing = drawing.filter(|drawing| drawing.kind == kind);
         if let Some(drawing) = &drawing
             && !is_changed
-            && Arc::ptr_eq(&drawing.topology, net.topology())
+            && drawing.known.is_same(net)
         {
             continue;
         }
@@ -203,17 +202,26 @@ pub(super) fn prepare_ropes(
             (None, None) => continue,
         };
         let tube = profile
-            .map(|profile| Tube::new(net.topology(), profile))
+            .map(|profile| Tube::new(net.topology(), net.broken(), profile))
             .and_then(|tube| if tube.vertex_count() > 0 { Ok(tube) } else { Err(RopeMeshError::NoSprings) });
         let tube = match tube {
             Ok(tube) => tube,
             Err(error) => {
                 report(entity, name, &error);
-                let nothing = Drawing::new(entity, net.topology().clone(), kind, Handle::default());
+                let nothing = Drawing::new(entity, net, kind, Handle::default());
                 commands.entity(entity).try_insert(nothing);
                 continue;
             }
         };
+        // Other parameters, as a winch sets in every tick, change no mesh.
+        let mut drawing = drawing;
+        if let Some(drawing) = &mut drawing
+            && let Some(Shape::Tube(old)) = &drawing.shape
+            && old.is_like(&tube)
+        {
+            drawing.known = Known::new(net);
+            continue;
+        }
         let mesh = mesh_of(&tube, net.topology());
         let shape = Shape::Tube(tube);
         // A mesh of its own is made anew in place.
@@ -221,14 +229,14 @@ pub(super) fn prepare_ropes(
             && let Some(mut old) = meshes.get_mut(&drawing.mesh)
         {
             *old = mesh;
-            drawing.topology = net.topology().clone();
+            drawing.known = Known::new(net);
             drawing.shape = Some(shape);
             drawing.reset();
             continue;
         }
         let handle = meshes.add(mesh);
         own.give(entity, handle.clone(), has_3d, has_2d, &mut commands);
-        let drawing = Drawing::new(entity, net.topology().clone(), kind, handle).with_shape(shape);
+        let drawing = Drawing::new(entity, net, kind, handle).with_shape(shape);
         commands.entity(entity).try_insert(drawing);
     }
 }

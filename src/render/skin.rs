@@ -1,7 +1,5 @@
 //! A fine mesh that a coarse net of another entity moves.
 
-use std::sync::Arc;
-
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
@@ -61,7 +59,7 @@ pub(super) fn prepare_skins(
             && drawing.net == skin.0
             && *source == drawing.mesh
         {
-            if Arc::ptr_eq(&drawing.topology, net.topology()) || drawing.keep(net.topology()) {
+            if drawing.known.is_same(net) || drawing.keep(net) {
                 continue;
             }
             source = rest.map_or(source, |rest| &rest.0);
@@ -69,7 +67,7 @@ pub(super) fn prepare_skins(
         let Some(mesh) = meshes.get(source) else { continue };
         let (source, mut mesh) = (source.clone(), mesh.clone());
         mesh.asset_usage = RenderAssetUsages::default();
-        let mut drawing = Drawing::new(skin.0, net.topology().clone(), Kind::NetSkin, source.clone());
+        let mut drawing = Drawing::new(skin.0, net, Kind::NetSkin, source.clone());
         match bind(&mut mesh, net.topology()) {
             Err(error) => {
                 report(entity, name, &error);

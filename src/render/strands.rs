@@ -15,9 +15,9 @@ pub(super) struct Strand {
     pub lengths: Vec<f32>,
 }
 
-/// All strands, in the order of their first particles.
-pub(super) fn strands(topology: &Topology) -> Vec<Strand> {
-    let mut walk = Walk::new(topology);
+/// All strands of springs that are not broken, in the order of their first particles.
+pub(super) fn strands(topology: &Topology, broken: &[u32]) -> Vec<Strand> {
+    let mut walk = Walk::new(topology, broken);
     let mut strands = Vec::new();
     // From where strands end, then round the loops, which end nowhere.
     for are_ends in [true, false] {
@@ -42,11 +42,16 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn new(topology: &'a Topology) -> Self {
+    fn new(topology: &'a Topology, broken: &[u32]) -> Self {
         let particles = topology.positions.len();
         let ends = || topology.springs.iter().map(|(ends, _)| ends.map(|end| end as usize));
         let mut is_done: Vec<bool> =
             ends().map(|[one, other]| one == other || one.max(other) >= particles).collect();
+        for spring in broken {
+            if let Some(is_done) = is_done.get_mut(*spring as usize) {
+                *is_done = true;
+            }
+        }
         let mut first = vec![0_u32; particles + 2];
         let kept: Vec<(usize, [usize; 2])> =
             ends().enumerate().filter(|(spring, _)| !is_done[*spring]).collect();
@@ -65,7 +70,6 @@ impl<'a> Walk<'a> {
             }
         }
         first.truncate(particles + 1);
-        is_done.shrink_to_fit();
         Self { topology, first, springs, is_done }
     }
 
@@ -111,16 +115,17 @@ mod tests {
     }
 
     fn particles(topology: &Topology) -> Vec<Vec<u32>> {
-        strands(topology).into_iter().map(|strand| strand.particles).collect()
+        strands(topology, &[]).into_iter().map(|strand| strand.particles).collect()
     }
 
     #[test]
     fn a_rope_is_one_strand_and_two_when_torn() {
         let rope = net(5, &[[0, 1], [1, 2], [2, 3], [3, 4]]);
         assert_eq!(particles(&rope), [[0, 1, 2, 3, 4]]);
-        assert_eq!(strands(&rope)[0].lengths, [0.0, 0.5, 1.0, 1.5, 2.0]);
+        assert_eq!(strands(&rope, &[])[0].lengths, [0.0, 0.5, 1.0, 1.5, 2.0]);
         let torn = net(5, &[[0, 1], [2, 3], [3, 4]]);
         assert_eq!(particles(&torn), [vec![0, 1], vec![2, 3, 4]]);
+        assert_eq!(strands(&rope, &[1]), strands(&torn, &[]));
     }
 
     #[test]
@@ -132,7 +137,7 @@ mod tests {
     #[test]
     fn loops_are_closed() {
         let ring = net(4, &[[0, 1], [1, 2], [2, 3], [3, 0]]);
-        let strands = strands(&ring);
+        let strands = strands(&ring, &[]);
         assert_eq!(strands[0].particles, [0, 1, 2, 3, 0]);
         assert!(strands[0].is_closed);
         assert_eq!(strands.len(), 1);

@@ -54,8 +54,9 @@ struct Ring {
 }
 
 impl Tube {
-    pub fn new(topology: &Topology, profile: Profile) -> Self {
-        let strands = strands(topology);
+    /// Around all springs but the broken ones.
+    pub fn new(topology: &Topology, broken: &[u32], profile: Profile) -> Self {
+        let strands = strands(topology, broken);
         let start = |strand: &Strand| {
             let [from, to] = [0, 1].map(|end| topology.positions[strand.particles[end] as usize]);
             let axis = (to - from).normalize_or(Vec3::NEG_Y);
@@ -74,6 +75,13 @@ impl Tube {
         };
         let last = strands.iter().flat_map(|strand| &strand.particles).max();
         Self { profile, starts, corners, particle_count: last.map_or(0, |last| *last as usize + 1), strands }
+    }
+
+    /// Whether this is a tube of the same shape around the same particles; rest lengths may differ.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let strands =
+            |tube: &Self| tube.strands.iter().map(|strand| strand.particles.clone()).collect::<Vec<_>>();
+        self.profile == other.profile && strands(self) == strands(other)
     }
 
     pub fn particle_count(&self) -> usize {

@@ -197,8 +197,8 @@ fn what_cannot_be_drawn_is_not() {
 #[test]
 fn links_are_copies_that_lie_along_the_rope() {
     let mut app = app();
-    let template =
-        (Transform::from_scale(Vec3::splat(2.0)), Visibility::Hidden, children![Name::new("part")]);
+    let look = (Mesh3d::default(), Visibility::Hidden, children![Name::new("part")]);
+    let template = (Transform::from_scale(Vec3::splat(2.0)), look);
     let template = app.world_mut().spawn(template).id();
     let place = Transform::from_xyz(0.0, 1.0, 0.0).with_rotation(Quat::from_rotation_z(1.0));
     let whole = rope(6);
@@ -220,7 +220,9 @@ fn links_are_copies_that_lie_along_the_rope() {
         let link = app.world().entity(*link);
         assert!(link.contains::<Mesh3d>());
         assert_eq!(link.get::<Visibility>(), Some(&Visibility::Inherited));
-        assert_eq!(link.get::<Children>().unwrap().len(), 1);
+        let part = link.get::<Children>().unwrap()[0];
+        assert_eq!(app.world().get::<ChildOf>(part), Some(&ChildOf(link.id())));
+        assert_eq!(app.world().get::<Name>(part), Some(&Name::new("part")));
     }
     let mut torn = whole;
     torn.springs.remove(2);
