@@ -124,6 +124,7 @@ impl Parts {
 #[reflect(opaque)]
 #[reflect(Component, Default, Debug, Clone)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct PartState {
     /// In ascending order; empty until they are found.
     pub(crate) particles: Vec<u32>,

@@ -201,6 +201,24 @@ fn attachments_pull_and_break() {
     assert!(net(&app, rope).positions()[0].y < -1.0);
 }
 
+/// Two ropes, spawned in the same tick as the parts that tie them: the tie is as long as they are apart.
+#[test]
+fn ropes_are_tied_to_each_other_where_they_are() {
+    let mut app = watching();
+    app.world_mut().resource_mut::<Environment>().viscosity = 1.0;
+    let place = Transform::from_xyz(2.0, 3.0, 0.0);
+    let upper = app.world_mut().spawn(ParticleNet::new(rope(5), &place)).id();
+    app.world_mut().spawn((PartOf(upper), Part::Start, Pinned));
+    let end = app.world_mut().spawn((PartOf(upper), Part::End)).id();
+    let below = place.with_translation(place.translation - Vec3::Y * 0.6);
+    let lower = app.world_mut().spawn(ParticleNet::new(rope(5), &below)).id();
+    app.world_mut().spawn((PartOf(lower), Part::Start, Attachment::to(end)));
+    run(&mut app, 300);
+    let [bottom, top] = [net(&app, upper).positions()[5], net(&app, lower).positions()[0]];
+    // It bears 55 g: 5e3 N/m give by 1e-4 m.
+    assert!((bottom.distance(top) - 0.1).abs() < 3e-4, "{bottom} {top}");
+}
+
 /// A winch lifts a load by v t, ends at its shortest length, pays out beyond what was laid out, and stalls at its greatest force.
 #[test]
 fn a_winch_lifts_lowers_and_stalls() {

@@ -1,6 +1,10 @@
 //! A cape on a moving figure, as its artist painted it.
 
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::VisibilityClass;
+use bevy::gltf::{GltfExtras, GltfMaterialName, GltfMeshName, GltfSceneName};
 use bevy::prelude::*;
+use bevy::transform::components::TransformTreeChanged;
 use bevy::world_serialization::WorldAssetRoot;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
@@ -17,7 +21,30 @@ const EXHIBIT: Exhibit = Exhibit {
 };
 
 pub fn plugin(app: &mut App) {
+    register_types(app);
     app.insert_resource(Speed(1.6)).add_exhibit(EXHIBIT, spawn, draw).add_systems(FixedUpdate, walk);
+}
+
+/// Scenes of glTF files are spawned by reflection. Bevy's default features register all types by themselves; this
+/// crate builds Bevy without them.
+fn register_types(app: &mut App) {
+    app.register_type::<Transform>()
+        .register_type::<GlobalTransform>()
+        .register_type::<TransformTreeChanged>()
+        .register_type::<Visibility>()
+        .register_type::<InheritedVisibility>()
+        .register_type::<ViewVisibility>()
+        .register_type::<VisibilityClass>()
+        .register_type::<Name>()
+        .register_type::<ChildOf>()
+        .register_type::<Children>()
+        .register_type::<Mesh3d>()
+        .register_type::<MeshMaterial3d<StandardMaterial>>()
+        .register_type::<Aabb>()
+        .register_type::<GltfExtras>()
+        .register_type::<GltfSceneName>()
+        .register_type::<GltfMeshName>()
+        .register_type::<GltfMaterialName>();
 }
 
 /// The speed of the figure, m/s.

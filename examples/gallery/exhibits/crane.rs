@@ -59,7 +59,7 @@ fn spawn(mut stage: Stage) {
         crate_paint,
         Transform::from_translation(end - Vec3::Y * 1.6),
     ));
-    let cable = Rope::between(end, end - Vec3::Y * 1.45)
+    let cable = Rope::between(end, end - Vec3::Y * 1.36)
         .with_spacing(0.1)
         .with_radius(0.012)
         .with_material(RopeMaterial::STEEL_CABLE);

@@ -18,7 +18,7 @@ const EXHIBIT: Exhibit = Exhibit {
 const WIDTH: f32 = 2.6;
 const HEIGHT: f32 = 2.2;
 const RAIL: f32 = 2.7;
-const CELLS: UVec2 = UVec2::new(72, 44);
+const CELLS: UVec2 = UVec2::new(48, 30);
 const RINGS: u32 = 12;
 
 pub fn plugin(app: &mut App) {
@@ -49,9 +49,12 @@ fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>) {
         Transform::from_xyz(0.0, RAIL + 0.05, 0.0).with_rotation(across),
     );
     let velvet = stage.cloth(Color::srgb(0.42, 0.05, 0.10));
-    let curtain = Cloth::sheet(Rectangle::new(WIDTH, HEIGHT))
-        .with_cells(CELLS)
-        .with_material(ClothMaterial { bending_stiffness: 4e-5, ..ClothMaterial::COTTON });
+    let curtain =
+        Cloth::sheet(Rectangle::new(WIDTH, HEIGHT)).with_cells(CELLS).with_material(ClothMaterial {
+            stretch_stiffness: 2e3,
+            bending_stiffness: 4e-5,
+            ..ClothMaterial::COTTON
+        });
     let place = Transform::from_xyz(0.0, RAIL - 0.5 * HEIGHT, 0.0);
     let curtain = stage.spawn((curtain, NetMesh, velvet, place));
     let ring_mesh = Mesh3d(stage.meshes.add(Torus { minor_radius: 0.008, major_radius: 0.045 }));

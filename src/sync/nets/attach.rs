@@ -6,7 +6,7 @@ use bevy::prelude::*;
 
 use super::super::hierarchy::{to_local, world_transform};
 use super::super::state::{MassSpringState, Warnings};
-use crate::nets::{Attachment, Part, PartState, ParticleNet, Parts, Tied};
+use crate::nets::{Attachment, Part, PartOf, PartState, ParticleNet, Parts, Tied};
 use crate::particle::{Particle, Pinned};
 use crate::solver;
 use crate::spring::{Broken, Spring};
@@ -24,6 +24,7 @@ pub(in crate::sync) fn tie_attachments(
     nets: Query<(&ParticleNet, &Parts)>,
     attachments: Query<(&Attachment, &PartState), Without<Tied>>,
     simulated: Query<(), Or<(With<Particle>, With<Part>)>>,
+    targets: Query<(&PartOf, &PartState)>,
     transforms: Query<&Transform, Allow<Disabled>>,
     parents: Query<&ChildOf, Allow<Disabled>>,
     mut warnings: ResMut<Warnings>,
@@ -48,7 +49,13 @@ pub(in crate::sync) fn tie_attachments(
             let mut spring = tie(net, particle, attachment);
             let anchor = if simulated.contains(target) {
                 spring.particles = [part, target];
-                spring.rest_length = place.distance(frame.translation.into());
+                // The Transform of a part is not written before the end of its first tick.
+                let of_part = targets.get(target).ok().and_then(|(net, part)| {
+                    let particle = *part.particles().first()? as usize;
+                    nets.get(net.0).ok()?.0.positions().get(particle).copied()
+                });
+                let other = of_part.unwrap_or_else(|| frame.translation.into());
+                spring.rest_length = place.distance(other);
                 None
             } else {
                 let local = Transform::from_translation(to_local(&frame, place));
