@@ -48,7 +48,7 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     let blue = stage.metal(Color::srgb(0.1, 0.3, 0.8));
     let ball = Balloon::sphere(Sphere::new(0.45))
         .with_subdivisions(3)
-        .with_material(BalloonMaterial { pressure: 600.0, ..material });
+        .with_material(BalloonMaterial { pressure: 60.0, ..material });
     let ball = Balloon { radius: 0.02, ..ball };
     stage.spawn((ball, NetMesh, blue, Transform::from_xyz(0.8, 0.48, 0.0)));
     let lead = stage.metal(Color::srgb(0.3, 0.3, 0.33));
