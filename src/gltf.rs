@@ -35,14 +35,14 @@ pub use crate::nets::ATTRIBUTE_PIN;
 
 /// Makes nets of the nodes of glTF files: see the [module](self).
 ///
-/// The attribute `_PIN` is read only if Bevy's `GltfPlugin` knows of it:
+/// The attribute `_PIN` is read only if Bevy's `GltfPlugin` knows of it, by its name without the underscore:
 ///
 /// ```
 /// # use bevy::prelude::*;
 /// use bevy::gltf::GltfPlugin;
 /// use bevy_mass_spring::gltf::ATTRIBUTE_PIN;
 ///
-/// let gltf = GltfPlugin::default().add_custom_vertex_attribute("_PIN", ATTRIBUTE_PIN);
+/// let gltf = GltfPlugin::default().add_custom_vertex_attribute("PIN", ATTRIBUTE_PIN);
 /// ```
 ///
 /// and `DefaultPlugins.set(gltf)`.

@@ -69,7 +69,7 @@ fn run(arguments: Arguments) -> AppExit {
     };
     let default_plugins = DefaultPlugins
         .set(WindowPlugin { primary_window: Some(window), ..default() })
-        .set(GltfPlugin::default().add_custom_vertex_attribute("_PIN", ATTRIBUTE_PIN))
+        .set(GltfPlugin::default().add_custom_vertex_attribute("PIN", ATTRIBUTE_PIN))
         .set(LogPlugin { filter: "warn,wgpu=error,naga=error".to_owned(), ..default() })
         .set(RenderPlugin { synchronous_pipeline_compilation: arguments.screenshot.is_some(), ..default() });
     let mut app = App::new();
