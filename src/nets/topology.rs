@@ -75,7 +75,7 @@ pub enum Layout {
         /// Whether it is a loop.
         is_closed: bool,
     },
-    /// A grid of cells: particle (i, j) is number j (cells[0] + 1) + i.
+    /// A grid of cells: particle (i, j) is number `j (cells[0] + 1) + i`.
     Grid {
         /// The number of cells along each axis.
         cells: [u32; 2],
