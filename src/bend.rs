@@ -40,7 +40,7 @@ use crate::parameter::{self, InvalidParameter};
 /// ```
 ///
 /// What is changed between two ticks goes from the old value to the new one over the substeps of the next tick, as that of
-/// a [`Spring`](crate::spring::Spring) does. A bend whose particles do not exist or whose values are bad is left out of the
+/// a [`Spring`](crate::spring::Spring) does. A bend with an end that does not exist, or with bad values, is left out of the
 /// simulation, with one warning that names it, until it is corrected.
 #[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]

@@ -81,7 +81,7 @@ impl From<Sphere> for Balloon {
 
 impl Balloon {
     /// The most subdivisions: 655,362 particles.
-    pub const MOST_SUBDIVISIONS: u32 = 8;
+    pub const MAX_SUBDIVISIONS: u32 = 8;
 
     /// A sphere about the origin.
     pub fn sphere(sphere: Sphere) -> Self {
@@ -150,7 +150,7 @@ impl Balloon {
         };
         parameter::finite("centre", centre)?;
         parameter::positive("radius", radius)?;
-        let most = Self::MOST_SUBDIVISIONS.into();
+        let most = Self::MAX_SUBDIVISIONS.into();
         let subdivisions = NetError::count("subdivisions", self.subdivisions.into(), 0, most)?;
         let (positions, triangles) = icosphere(centre, radius, subdivisions);
         self.cover(&Welded::unwelded(positions, triangles))
@@ -158,7 +158,8 @@ impl Balloon {
 
     /// The same from a closed mesh, if the shape is that; other balloons ignore it.
     ///
-    /// # Errors As [`topology`](Self::topology); and if the mesh is empty, broken, degenerate, not manifold, open or
+    /// # Errors
+    /// As [`topology`](Self::topology); and if the mesh is empty, broken, degenerate, not manifold, open or
     /// inside out.
     pub fn topology_with(&self, mesh: &TriangleMesh) -> Result<Topology, NetError> {
         if !self.needs_mesh() {

@@ -106,7 +106,7 @@ impl From<Plane3d> for Cloth {
 
 impl Cloth {
     /// The most cells along a side.
-    pub const MOST_CELLS: u32 = 4096;
+    pub const MAX_CELLS: u32 = 4096;
 
     /// An upright sheet about the origin, as Bevy's rectangle: width along X, height along Y, its front towards Z.
     pub fn sheet(rectangle: Rectangle) -> Self {
@@ -185,7 +185,7 @@ impl Cloth {
             Some(cells) => cells.to_array().map(u64::from),
             None => [width, height].map(|side| super::cells_along(f64::from(side.length()), self.spacing)),
         };
-        let most = Self::MOST_CELLS.into();
+        let most = Self::MAX_CELLS.into();
         let cells =
             [NetError::count("cells.x", cells[0], 1, most)?, NetError::count("cells.y", cells[1], 1, most)?];
         self.finish(sheet::topology(&frame, cells, &self.material, &self.weave()))

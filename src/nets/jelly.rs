@@ -87,7 +87,7 @@ impl From<Cuboid> for Jelly {
 
 impl Jelly {
     /// The most cells in all, of a box or of the box around a mesh.
-    pub const MOST_CELLS: u32 = 1 << 21;
+    pub const MAX_CELLS: u32 = 1 << 21;
 
     /// A box about the origin.
     pub fn cuboid(cuboid: Cuboid) -> Self {
@@ -162,7 +162,8 @@ impl Jelly {
 
     /// The same with a detailed mesh that hangs in it. A jelly that fills its mesh is made from it; a box carries any.
     ///
-    /// # Errors As [`topology`](Self::topology); and if the mesh is empty, broken or degenerate, or, to be filled,
+    /// # Errors
+    /// As [`topology`](Self::topology); and if the mesh is empty, broken or degenerate, or, to be filled,
     /// is not manifold, open or inside out.
     pub fn topology_with(&self, mesh: &TriangleMesh) -> Result<Topology, NetError> {
         let welded = mesh.weld()?;
@@ -222,7 +223,7 @@ impl Jelly {
 }
 
 fn check_counts(counts: [u64; 3]) -> Result<[u32; 3], NetError> {
-    let most = u64::from(Jelly::MOST_CELLS);
+    let most = u64::from(Jelly::MAX_CELLS);
     let checked = [
         NetError::count("cells.x", counts[0], 1, most)?,
         NetError::count("cells.y", counts[1], 1, most)?,

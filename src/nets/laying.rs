@@ -27,7 +27,7 @@ pub struct RecipeMesh(pub Arc<TriangleMesh>);
 trait Recipe: Component + Clone {
     const NAME: &'static str;
 
-    fn is_from_mesh(&self) -> bool;
+    fn needs_mesh(&self) -> bool;
 
     fn build(&self, mesh: Option<&TriangleMesh>) -> Result<Topology, NetError>;
 
@@ -49,7 +49,7 @@ enum AnyRecipe {
 impl Recipe for Rope {
     const NAME: &'static str = "rope";
 
-    fn is_from_mesh(&self) -> bool {
+    fn needs_mesh(&self) -> bool {
         false
     }
 
@@ -74,12 +74,12 @@ macro_rules! shaped_recipe {
         impl Recipe for $recipe {
             const NAME: &'static str = $name;
 
-            fn is_from_mesh(&self) -> bool {
+            fn needs_mesh(&self) -> bool {
                 matches!(self.shape, $shape::Mesh)
             }
 
             fn build(&self, mesh: Option<&TriangleMesh>) -> Result<Topology, NetError> {
-                match mesh.filter(|_| self.is_from_mesh()) {
+                match mesh.filter(|_| self.needs_mesh()) {
                     Some(mesh) => self.topology_with(mesh),
                     None => self.topology(),
                 }
@@ -118,7 +118,7 @@ impl Topologies {
         recipe: &R,
         mesh: Option<&Arc<TriangleMesh>>,
     ) -> Result<Arc<Topology>, NetError> {
-        let mesh = mesh.filter(|_| recipe.is_from_mesh());
+        let mesh = mesh.filter(|_| recipe.needs_mesh());
         let any = recipe.clone().into_any();
         let is_same = |known: &LaidOut| {
             let is_same_mesh = match (&known.mesh, mesh) {
@@ -227,7 +227,7 @@ fn lay_out_nets(
 impl Layouts<'_, '_> {
     fn lay_out<R: Recipe>(&mut self, entity: Entity, recipe: &R) {
         let mesh = self.meshes.get(entity).ok().map(|mesh| &mesh.0);
-        if recipe.is_from_mesh() && mesh.is_none() {
+        if recipe.needs_mesh() && mesh.is_none() {
             // It comes when it is loaded.
             return;
         }

@@ -12,7 +12,7 @@ use crate::particle::ParticleVelocity;
 /// Which particles of a net an entity stands for. [`PartOf`] says of which net.
 ///
 /// What is true of a loose [`Particle`](crate::Particle) is true of a part:
-/// - its `Transform` shows where it is, written in each tick; whoever writes another one moves its particles;
+/// - its `Transform` shows where it is, written in each tick; to write another one moves its particles;
 /// - with [`Pinned`](crate::Pinned) it goes where its `Transform`, or a parent of it, goes;
 /// - an [`AppliedForce`](crate::AppliedForce) pushes it, shared among its particles by mass;
 /// - its [`ParticleVelocity`] is theirs;

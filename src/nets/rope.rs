@@ -82,7 +82,7 @@ impl From<Polyline3d> for Rope {
 
 impl Rope {
     /// The most segments of a rope.
-    pub const MOST_SEGMENTS: u32 = 1 << 24;
+    pub const MAX_SEGMENTS: u32 = 1 << 24;
     const CURVE_SAMPLES: u16 = 1024;
 
     /// A rope of `length`, m, that hangs straight down from the origin.
@@ -210,7 +210,7 @@ impl Rope {
                 super::cells_along(length, self.spacing).max(least)
             }
         };
-        NetError::count("segments", count, least, Self::MOST_SEGMENTS.into())
+        NetError::count("segments", count, least, Self::MAX_SEGMENTS.into())
     }
 
     fn segment(&self, ends: [u32; 2], positions: &[Vec3], step: f64) -> ([u32; 2], Spring) {

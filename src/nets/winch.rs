@@ -7,8 +7,8 @@ use bevy::prelude::*;
 use super::{ParticleNet, Spool};
 use crate::parameter::{self, InvalidParameter};
 
-/// Rope is added in lots of as many links: each lot has the net laid out anew in the solver.
-const LOT: usize = 16;
+/// Number of links that are added at a time: each addition has the net laid out anew in the solver.
+const ADDED_LINKS: usize = 16;
 
 /// Below its greatest force by this part of it, a winch begins to turn more slowly.
 const DROOP: f32 = 0.1;
@@ -93,7 +93,7 @@ impl ParticleNet {
         let by = winch.turn(time_step, spool.length(), spring.stiffness * elongation);
         let topology = Arc::make_mut(&mut self.topology);
         if by > 0.0 && spool.held().len() == 1 {
-            spool.extend(LOT, topology, &mut self.positions, &mut self.velocities);
+            spool.extend(ADDED_LINKS, topology, &mut self.positions, &mut self.velocities);
             if !self.applied_forces.is_empty() {
                 self.applied_forces.resize(self.positions.len(), Vec3::ZERO);
             }

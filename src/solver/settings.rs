@@ -173,7 +173,7 @@ pub struct Gusts {
     pub strength: Vec3,
     /// The distance over which gusts differ, m, > 0.
     pub length: f32,
-    /// The time in which a gust turns into another one for who drifts along, s, > 0.
+    /// The time in which a gust turns into another one for what drifts along, s, > 0.
     pub time: f32,
     /// Other seeds, other gusts.
     pub seed: u32,

@@ -21,7 +21,7 @@ struct Numbers {
 }
 
 impl Numbering {
-    /// Of nets that have so many particles by now.
+    /// Numbers the particles of `scene`; `present` is the present number of particles of each net.
     pub fn new(scene: &MassSpringScene, present: impl Iterator<Item = usize>) -> Self {
         let (mut start, mut new_start) = (scene.particles.len(), scene.particle_count());
         let nets = scene.nets.iter().zip(present).map(|(net, present)| {

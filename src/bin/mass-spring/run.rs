@@ -34,7 +34,7 @@ pub fn run(arguments: &RunArguments) -> Result<ExitCode, Failure> {
         costs.steps.push(milliseconds(cost.step));
         recorder.record(tick, &simulation)?;
         bar.set_position(tick);
-        if json.is_none() && recorder.nobody_reads() {
+        if json.is_none() && recorder.has_no_reader() {
             break;
         }
     }
@@ -88,7 +88,7 @@ impl Recorder {
         }
     }
 
-    fn nobody_reads(&self) -> bool {
+    fn has_no_reader(&self) -> bool {
         self.csv.as_ref().is_some_and(Sink::is_closed)
     }
 

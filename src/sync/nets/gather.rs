@@ -37,7 +37,7 @@ pub(in crate::sync) struct KnownNet {
     topology: Option<Arc<Topology>>,
     /// The particles without a mass, in ascending order.
     pins: Vec<u32>,
-    /// When the arrays were written: as long as nobody changed them since, they are what the solver has.
+    /// When the arrays were written: as long as they were not changed since, they are what the solver has.
     pub written: Option<Tick>,
 }
 
@@ -238,7 +238,7 @@ impl Gathering<'_> {
         }
     }
 
-    /// Copies positions and velocities of the free particles where somebody has written others.
+    /// Copies positions and velocities of the free particles where others were written since the last tick.
     fn copy_motion(&mut self, pins: &[u32], moved: &mut Vec<Moved>) {
         let mut pins = pins.iter().chain(std::iter::once(&u32::MAX)).copied().peekable();
         let (positions, velocities) = (self.net.positions(), self.net.velocities());

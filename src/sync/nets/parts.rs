@@ -251,7 +251,7 @@ impl ActingParts<'_, '_, '_, '_> {
         }
     }
 
-    /// A free part that somebody has moved or pushed moves its particles.
+    /// A free part that was moved or pushed since the last tick moves its particles.
     fn move_free(&mut self, entity: Entity, velocity: Vec3, force: Vec3) {
         let Ok(transform) = self.queries.transforms.get(entity).copied() else { return };
         let pose = self.queries.world_pose(entity);
