@@ -130,13 +130,7 @@ impl Balloon {
     /// # Errors
     /// Names the field at fault.
     pub fn validate(&self) -> Result<(), NetError> {
-        parameter::non_negative("radius", self.radius)?;
-        self.material.validate()?;
-        if let Some(limit) = self.max_stretch {
-            parameter::non_negative("max_stretch", limit)?;
-        }
-        self.air.validate()?;
-        Ok(())
+        super::check_numbers(self.radius, self.material.validate(), self.max_stretch, self.air)
     }
 
     /// The particles and springs of a sphere.

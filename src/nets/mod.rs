@@ -36,6 +36,8 @@ mod validation;
 mod weld;
 mod winch;
 
+use crate::parameter::{self, InvalidParameter};
+
 pub use attachment::Attachment;
 pub(crate) use attachment::Tied;
 pub use balloon::{Balloon, BalloonShape};
@@ -67,4 +69,17 @@ pub use winch::Winch;
 /// rounding is one.
 fn cells_along(length: f64, spacing: f32) -> u64 {
     ((length / f64::from(spacing) * (1.0 - 1e-6)).ceil() as u64).max(1)
+}
+
+/// Checks what recipes have in common, in the order of their fields.
+fn check_numbers(
+    radius: f32,
+    material: Result<(), InvalidParameter>,
+    max_stretch: Option<f32>,
+    air: Air,
+) -> Result<(), NetError> {
+    parameter::non_negative("radius", radius)?;
+    material?;
+    max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))?;
+    Ok(air.validate()?)
 }

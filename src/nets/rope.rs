@@ -157,13 +157,7 @@ impl Rope {
     /// Names the field at fault.
     pub fn validate(&self) -> Result<(), NetError> {
         parameter::positive("spacing", self.spacing)?;
-        parameter::non_negative("radius", self.radius)?;
-        self.material.validate()?;
-        if let Some(limit) = self.max_stretch {
-            parameter::non_negative("max_stretch", limit)?;
-        }
-        self.air.validate()?;
-        Ok(())
+        super::check_numbers(self.radius, self.material.validate(), self.max_stretch, self.air)
     }
 
     /// The particles, springs and bends of this rope.
