@@ -1,4 +1,5 @@
-//! Nets from glTF files: a node whose `extras` say so becomes a cloth, a jelly or a balloon when its scene spawns.
+//! Nets from glTF files: a node with `mass_spring` in its `extras` becomes a cloth, a jelly or a balloon when its scene
+//! spawns.
 //!
 //! In Blender, give the object a custom property `mass_spring` and export with *Include → Custom Properties*. Its value is
 //! a group of properties, or a text with this JSON:
@@ -13,7 +14,7 @@
 //! | --- | --- | --- |
 //! | `net` | all | `Cloth`, `Jelly` or `Balloon` |
 //! | `material` | all | the name of a constant of [`ClothMaterial`], [`JellyMaterial`] or [`BalloonMaterial`]; optional |
-//! | `pins` | all | the group of vertices that the node holds: `RED`, `GREEN` or `BLUE` (vertices of that colour), `PIN` (the same as `RED`) or `_PIN` (vertices whose attribute `_PIN` is at least 1/2: see [`ATTRIBUTE_PIN`]); optional |
+//! | `pins` | all | the group of vertices that the node holds: `RED`, `GREEN` or `BLUE` (vertices of that colour), or `_PIN` (those with an attribute `_PIN` of at least 1/2, see [`ATTRIBUTE_PIN`]; without the attribute those that are `RED`); optional |
 //! | `radius` | all | half of the thickness, m; optional |
 //! | `cell` | `Jelly` | the side of the cells of the lattice, m; optional |
 //! | `pressure` | `Balloon` | of the gas, Pa above the surroundings; optional |

@@ -14,6 +14,8 @@ mod capture;
 mod display;
 mod exhibits;
 mod gallery;
+#[path = "../chain/viewer/panel_view.rs"]
+mod panel_view;
 mod stage;
 
 use std::path::PathBuf;

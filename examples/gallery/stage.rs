@@ -1,18 +1,17 @@
 //! Camera, light, floor, and what exhibits are built with.
 
-use bevy::camera::Viewport;
-use bevy::camera::visibility::RenderLayers;
-use bevy::camera::{CameraOutputMode, Hdr};
+use bevy::camera::Hdr;
 use bevy::ecs::system::SystemParam;
 use bevy::light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight};
 use bevy::prelude::*;
-use bevy::render::render_resource::BlendState;
+use bevy_egui::EguiGlobalSettings;
 use bevy_egui::input::EguiWantsInput;
-use bevy_egui::{EguiGlobalSettings, PrimaryEguiContext};
 use bevy_mass_spring::drag::ParticleDrag;
 use bevy_mass_spring::panel::MassSpringPanel;
 use bevy_mass_spring::prelude::*;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin, PanOrbitCameraSystemSet};
+
+use crate::panel_view::{set_viewport, spawn_panel_camera};
 
 const BACKGROUND: Color = Color::srgb(0.74, 0.80, 0.87);
 
@@ -101,12 +100,12 @@ pub fn plugin(app: &mut App) {
         .insert_resource(ClearColor(BACKGROUND))
         .insert_resource(GlobalAmbientLight { brightness: 500.0, ..default() })
         .insert_resource(DirectionalLightShadowMap { size: 2048 })
-        .add_systems(Startup, (spawn_cameras, spawn_light_and_floor, hide_gizmos))
+        .add_systems(Startup, (spawn_camera, spawn_panel_camera, spawn_light_and_floor, hide_gizmos))
         .add_systems(Update, (point_camera.run_if(resource_exists_and_changed::<View>), fit_viewport))
         .add_systems(PostUpdate, yield_pointer.before(PanOrbitCameraSystemSet));
 }
 
-fn spawn_cameras(mut commands: Commands) {
+fn spawn_camera(mut commands: Commands) {
     commands.spawn((
         Camera3d::default(),
         Msaa::Sample4,
@@ -115,21 +114,6 @@ fn spawn_cameras(mut commands: Commands) {
         DistanceFog {
             color: BACKGROUND,
             falloff: FogFalloff::Linear { start: 16.0, end: 44.0 },
-            ..default()
-        },
-    ));
-    commands.spawn((
-        PrimaryEguiContext,
-        Camera2d,
-        Msaa::Off,
-        RenderLayers::none(),
-        Camera {
-            order: 1,
-            output_mode: CameraOutputMode::Write {
-                blend_state: Some(BlendState::ALPHA_BLENDING),
-                clear_color: ClearColorConfig::None,
-            },
-            clear_color: ClearColorConfig::Custom(Color::NONE),
             ..default()
         },
     ));
@@ -170,18 +154,7 @@ fn fit_viewport(
     mut camera: Single<&mut Camera, With<PanOrbitCamera>>,
 ) {
     let Some(free) = panel.free_area else { return };
-    let scale = window.scale_factor();
-    let (position, size) = ((free.min * scale).as_uvec2(), (free.size() * scale).as_uvec2());
-    let fits = (position + size).cmple(window.physical_size()).all();
-    let viewport = (fits && size.min_element() > 0).then_some((position, size));
-    let present = camera.viewport.as_ref().map(|old| (old.physical_position, old.physical_size));
-    if present != viewport {
-        camera.viewport = viewport.map(|(physical_position, physical_size)| Viewport {
-            physical_position,
-            physical_size,
-            ..default()
-        });
-    }
+    set_viewport(&mut camera, &window, free);
 }
 
 /// Keeps the camera still while the pointer is used otherwise.

@@ -3,6 +3,7 @@
 pub mod controls;
 pub mod looks;
 pub mod overlay;
+pub mod panel_view;
 pub mod presets;
 pub mod stage;
 

@@ -1,17 +1,16 @@
 //! Camera, light, and where on the screen the scene is drawn.
 
-use bevy::camera::visibility::RenderLayers;
-use bevy::camera::{CameraOutputMode, Hdr, Viewport};
+use bevy::camera::Hdr;
 use bevy::light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap, GlobalAmbientLight};
 use bevy::prelude::*;
-use bevy::render::render_resource::BlendState;
+use bevy_egui::EguiGlobalSettings;
 use bevy_egui::input::EguiWantsInput;
-use bevy_egui::{EguiGlobalSettings, PrimaryEguiContext};
 use bevy_mass_spring::drag::ParticleDrag;
 use bevy_mass_spring::panel::MassSpringPanel;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin, PanOrbitCameraSystemSet};
 
 use super::overlay::BAR_HEIGHT;
+use super::panel_view::{set_viewport, spawn_panel_camera};
 use super::{Bounds, OpenScene};
 
 /// The colour of the distance.
@@ -25,12 +24,12 @@ pub fn plugin(app: &mut App) {
         .insert_resource(ClearColor(BACKGROUND))
         .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() })
         .insert_resource(DirectionalLightShadowMap { size: 2048 })
-        .add_systems(Startup, (spawn_cameras, spawn_light))
+        .add_systems(Startup, (spawn_camera, spawn_panel_camera, spawn_light))
         .add_systems(Update, (frame_scene.run_if(resource_changed::<OpenScene>), fit_viewport))
         .add_systems(PostUpdate, yield_pointer.before(PanOrbitCameraSystemSet));
 }
 
-fn spawn_cameras(mut commands: Commands) {
+fn spawn_camera(mut commands: Commands) {
     commands.spawn((
         Camera3d::default(),
         Msaa::Sample4,
@@ -51,21 +50,6 @@ fn spawn_cameras(mut commands: Commands) {
         DistanceFog {
             color: BACKGROUND,
             falloff: FogFalloff::Linear { start: 14.0, end: 42.0 },
-            ..default()
-        },
-    ));
-    commands.spawn((
-        PrimaryEguiContext,
-        Camera2d,
-        Msaa::Off,
-        RenderLayers::none(),
-        Camera {
-            order: 1,
-            output_mode: CameraOutputMode::Write {
-                blend_state: Some(BlendState::ALPHA_BLENDING),
-                clear_color: ClearColorConfig::None,
-            },
-            clear_color: ClearColorConfig::Custom(Color::NONE),
             ..default()
         },
     ));
@@ -99,20 +83,8 @@ fn fit_viewport(
     mut camera: Single<&mut Camera, With<PanOrbitCamera>>,
 ) {
     let Some(free) = panel.free_area else { return };
-    let scale = window.scale_factor();
-    let position = (free.min * scale).as_uvec2();
-    let size = ((free.size() - Vec2::new(0.0, BAR_HEIGHT)) * scale).as_uvec2();
-    let fits = (position + size).cmple(window.physical_size()).all();
-    // A window too small for the panel has no scene left to draw: it is drawn under the panel then.
-    let viewport = (fits && size.min_element() > 0).then_some((position, size));
-    let present = camera.viewport.as_ref().map(|old| (old.physical_position, old.physical_size));
-    if present != viewport {
-        camera.viewport = viewport.map(|(physical_position, physical_size)| Viewport {
-            physical_position,
-            physical_size,
-            ..default()
-        });
-    }
+    let free = Rect { max: free.max - Vec2::new(0.0, BAR_HEIGHT), ..free };
+    set_viewport(&mut camera, &window, free);
 }
 
 /// Keeps the camera still while the pointer or Ctrl is used otherwise.

@@ -38,6 +38,10 @@ pub(in crate::sync) fn tie_attachments(
                 warnings.warn_once(part, format_args!("part {part} is not attached: it is not one particle"));
                 continue;
             };
+            if targets.get(target).is_ok_and(|(_, part)| part.particles().is_empty()) {
+                // It is a part of a net that is not laid out yet.
+                continue;
+            }
             if !transforms.contains(target) {
                 warnings
                     .warn_once(part, format_args!("part {part} is not attached: {target} has no Transform"));
