@@ -130,9 +130,10 @@ fn rope() -> Topology {
 fn the_particle_of_a_cloth_that_is_nearest_to_the_pointer_is_hovered() {
     let mut desk = Desk::new();
     let net = desk.net(cloth());
-    // Six pixels from the middle and more than the ten of the pick radius from any particle.
-    for (place, particle) in [(Vec3::ZERO, 4), (Vec3::new(0.45, 0.4, 0.0), 4), (Vec3::new(0.6, 0.55, 0.0), 2)]
-    {
+    // Six pixels from the particle in the middle, and more than the ten of the pick radius from any.
+    let places =
+        [(Vec3::new(0.3, 0.02, 0.0), 4), (Vec3::new(0.45, 0.4, 0.0), 4), (Vec3::new(0.6, 0.55, 0.0), 2)];
+    for (place, particle) in places {
         desk.point_at(place);
         assert_eq!(desk.hovered(), (Some(net), Some(particle)), "{place}");
         let hover = &desk.app.world().resource::<HoverMap>()[&PointerId::Mouse];
@@ -142,6 +143,9 @@ fn the_particle_of_a_cloth_that_is_nearest_to_the_pointer_is_hovered() {
             hit.point.distance(place) < 1e-3 && (hit.distance - place.distance(Vec3::Z * 5.0)).abs() < 0.2
         );
     }
+    // On a particle, whose sphere is in front of the surface.
+    desk.point_at(Vec3::ZERO);
+    assert_eq!(desk.hovered(), (Some(net), Some(4)));
     // Eight pixels from a corner, and far from all.
     desk.point_at(Vec3::new(1.3, 1.2, 0.0));
     assert_eq!(desk.hovered(), (Some(net), Some(2)));
