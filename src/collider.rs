@@ -48,6 +48,9 @@ pub struct CollisionSettings {
     pub ground: bool,
     /// Whether particles collide with particles. Default true.
     pub particles: bool,
+    /// Whether `Spring`s between particles collide along their length, as capsules that taper from the radius of one end
+    /// to that of the other, where `particles` collide. (Nets do so in any case.) Default false.
+    pub springs: bool,
     /// Coefficient of restitution between two particles, 0 to 1. Default 0.
     pub restitution: f32,
     /// Coefficient of Coulomb friction between two particles, finite and >= 0. Default 0.
@@ -67,7 +70,7 @@ impl CollisionSettings {
 
 impl Default for CollisionSettings {
     fn default() -> Self {
-        Self { ground: true, particles: true, restitution: 0.0, friction: 0.0 }
+        Self { ground: true, particles: true, springs: false, restitution: 0.0, friction: 0.0 }
     }
 }
 

@@ -202,6 +202,9 @@ pub struct StepSettings {
     pub collide_with_planes: bool,
     /// How particles collide with each other; `None`: not at all. Default `None`.
     pub pair_rules: Option<PairRules>,
+    /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
+    /// to that of the other, where particles collide. Default false.
+    pub collide_springs: bool,
 }
 
 impl Default for StepSettings {
@@ -217,6 +220,7 @@ impl Default for StepSettings {
             gusts: None,
             collide_with_planes: true,
             pair_rules: None,
+            collide_springs: false,
         }
     }
 }

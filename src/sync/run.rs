@@ -97,7 +97,7 @@ impl Configuration<'_, '_> {
             complaints
                 .push("SolverSettings: substeps is Fixed(0), expected at least 1; one is run".to_owned());
         }
-        let CollisionSettings { ground, particles, restitution, friction } = collisions;
+        let CollisionSettings { ground, particles, springs, restitution, friction } = collisions;
         StepSettings {
             integrator,
             substeps,
@@ -109,6 +109,7 @@ impl Configuration<'_, '_> {
             gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
             collide_with_planes: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
+            collide_springs: springs,
         }
     }
 
