@@ -1,7 +1,7 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::air::Air;
-use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
+use crate::solver::collision::{ContactCaches, Plane, Substep, Surfaces, Surroundings};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
@@ -36,6 +36,7 @@ pub(crate) struct Caches {
     interleaved: Interleaved,
     scratch: Scratch,
     contacts: ContactCaches,
+    surfaces: Surfaces,
     strain_limits: StrainLimits,
     failures: Failures,
 }
@@ -63,9 +64,12 @@ pub(crate) fn step(
         part_coincident(&state.elements, &mut state.particles, settings.gravity);
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
+    caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, settings);
+    caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
+        caches.surfaces.begin_substep(&state.particles);
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         caches.advance(state, inputs, settings, pinned, plan, (index, duration));
@@ -86,8 +90,9 @@ pub(crate) fn step(
             duration,
             elapsed,
         };
-        let records = outputs.record_contacts.then_some(&mut outputs.contacts);
-        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
+        let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
+        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
+        let have_touched = caches.surfaces.resolve(&mut state.particles, substep, records);
         if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {
@@ -95,6 +100,7 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
+        caches.stop_crossings(state, have_touched);
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
@@ -103,7 +109,7 @@ pub(crate) fn step(
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
-    outputs.contact_count = caches.contacts.count() + in_implicit_step;
+    outputs.contact_count = caches.contacts.count() + caches.surfaces.count() + in_implicit_step;
     if outputs.record_forces {
         let solved = caches.solved_tensions(plan, state.elements.len());
         outputs.end_tick(&state.elements, &state.particles, solved);
@@ -164,6 +170,17 @@ impl Caches {
         }
         if has_ramps {
             elements.ramp_to(1.0);
+        }
+    }
+
+    /// Stops what would pass through something; `have_touched` says whether surfaces have.
+    fn stop_crossings(&mut self, state: &mut State, have_touched: bool) {
+        let have_stopped = self.surfaces.stop_crossings(&mut state.particles);
+        if have_touched || have_stopped {
+            self.scratch.disturb();
+            if !state.pulls.is_empty() {
+                self.surfaces.for_each_touching(|slot| state.pulls.touch(slot));
+            }
         }
     }
 

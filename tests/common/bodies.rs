@@ -124,9 +124,24 @@ pub fn add_net(solver: &mut Solver, topology: &Topology, place: Vec3, pinned: &[
     for triangle in &triangles {
         solver.add_face(*triangle, face).unwrap();
     }
+    add_collision_mesh(solver, topology, first, &triangles);
     if let Some(pressure) = topology.pressure {
         let at_rest = |corner| topology.positions[corner as usize];
         let rest_volume = enclosed_volume(&topology.triangles, at_rest) as f32;
         solver.add_gas(&triangles, Gas { pressure, rest_volume }).unwrap();
     }
+}
+
+/// Has a net collide all over its surface, as the plugin does: along its springs where it has none.
+fn add_collision_mesh(solver: &mut Solver, topology: &Topology, first: usize, triangles: &[[usize; 3]]) {
+    if triangles.is_empty() {
+        for (ends, _) in &topology.springs {
+            solver.add_collision_edge(ends.map(|end| first + end as usize)).unwrap();
+        }
+        return;
+    }
+    let is_inner = |particle: &usize| !triangles.as_flattened().contains(particle);
+    let all = first..first + topology.positions.len();
+    let inner: Vec<usize> = if triangles.len() > 2000 { Vec::new() } else { all.filter(is_inner).collect() };
+    solver.add_collision_triangles(triangles, &inner).unwrap();
 }

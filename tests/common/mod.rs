@@ -3,6 +3,7 @@
 
 pub mod backward_euler;
 pub mod bodies;
+pub mod crossings;
 pub mod logged;
 pub mod reference;
 

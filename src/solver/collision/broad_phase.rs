@@ -63,7 +63,13 @@ impl BroadPhase {
 
     /// Chooses the skins by the present velocities; `wide` and `crowded` as in [`super::ContactMemory`],
     /// `time_step` in s.
-    pub fn choose_skins(&mut self, particles: &Particles, wide: bool, crowded: bool, time_step: f32) {
+    pub fn choose_skins(
+        &mut self,
+        particles: &Particles,
+        exclusions: &Exclusions,
+        (wide, crowded): (bool, bool),
+        time_step: f32,
+    ) {
         // A sphere with a thick skin is twice as large as with the skin of a slow one, so that the two come
         // into different classes of the grid, and a few fast ones do not widen the cells of all.
         let slow_skin = slow_skin(wide);
@@ -82,6 +88,7 @@ impl BroadPhase {
         self.skins.clear();
         self.skins.extend(particles.radius().iter().enumerate().map(|(slot, &radius)| match radius {
             0.0 => f32::MAX,
+            _ if exclusions.is_covered(slot) => f32::MAX,
             _ if is_fast(slot, ticks) => thick_skin * radius,
             _ => slow_skin * radius,
         }));
@@ -189,7 +196,7 @@ mod tests {
         }
         let mut broad_phase = BroadPhase::default();
         broad_phase.start(&particles, Vec3::Y);
-        broad_phase.choose_skins(&particles, false, false, 0.01);
+        broad_phase.choose_skins(&particles, &Exclusions::default(), (false, false), 0.01);
         (particles, broad_phase)
     }
 
@@ -219,7 +226,7 @@ mod tests {
         let (mut particles, mut broad_phase) = row(3);
         particles.velocity.set(1, Vec3::Y * 3.0);
         particles.set_radius(2, 0.0);
-        broad_phase.choose_skins(&particles, false, false, 0.01);
+        broad_phase.choose_skins(&particles, &Exclusions::default(), (false, false), 0.01);
         assert_eq!(broad_phase.skins, [0.1, 0.7, f32::MAX]);
     }
 }

@@ -31,6 +31,8 @@ pub(super) struct Candidates {
     /// The found pairs of slots.
     found: Vec<(u32, u32)>,
     pub exclusions: Exclusions,
+    /// Whether each particle is no sphere of its own; empty if all are.
+    pub covered: Vec<bool>,
     chain_search: ChainSearch,
     /// Whether the free chains of the last search were so in this substep.
     proof: Proof,
@@ -88,7 +90,7 @@ impl Candidates {
     /// Makes the exclusions those of the present springs.
     pub fn refresh_exclusions(&mut self, memory: &ContactMemory, particles: &Particles, elements: &Elements) {
         if self.exclusions_version != Some(memory.version) {
-            self.exclusions.rebuild(particles, elements);
+            self.exclusions.rebuild(particles, elements, &self.covered);
             self.exclusions_version = Some(memory.version);
         }
     }
@@ -162,14 +164,14 @@ impl Candidates {
         let ContactMemory { broad_phase, wide, crowded, .. } = memory;
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
-        broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+        broad_phase.choose_skins(particles, &self.exclusions, (*wide, *crowded), time_step);
         let durations =
             Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity.length() };
         broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, durations);
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
             *crowded = true;
-            broad_phase.choose_skins(particles, *wide, *crowded, time_step);
+            broad_phase.choose_skins(particles, &self.exclusions, (*wide, *crowded), time_step);
             broad_phase.remove_chain_skins();
             self.search(broad_phase, particles);
         }
@@ -242,7 +244,9 @@ impl Candidates {
             }
         }
         memory.searched.clear();
-        memory.searched.extend(particles.radius().iter().map(|radius| *radius > 0.0));
+        let is_sphere =
+            |(slot, radius): (usize, &f32)| *radius > 0.0 && !exclusions.is_covered(slot);
+        memory.searched.extend(particles.radius().iter().enumerate().map(is_sphere));
     }
 }
 

@@ -87,7 +87,7 @@ impl ChainSearch {
                 chain.make_box(particles, common, ticks, durations);
                 *is_free = true;
             }
-            self.bound(particles, skins);
+            self.bound(particles, exclusions, skins);
             if !self.find_overlaps() {
                 return;
             }
@@ -115,11 +115,12 @@ impl ChainSearch {
     }
 
     /// Bounds all spheres: each chain by its box and a few others together, with their skins.
-    fn bound(&mut self, particles: &Particles, skins: &[f32]) {
+    fn bound(&mut self, particles: &Particles, exclusions: &Exclusions, skins: &[f32]) {
         let Self { chains, bounds, .. } = self;
         bounds.clear();
         let reach = |slot: usize| match particles.radius()[slot] {
             0.0 => 0.0,
+            _ if exclusions.is_covered(slot) => 0.0,
             radius => radius + skins[slot],
         };
         let mut next = 0;

@@ -52,6 +52,16 @@ impl ContactMemory {
         self.version = Version::new();
     }
 
+    /// Has the next tick search for pairs if other particles are spheres than in the last search: those of a radius, m, that
+    /// are not `covered`.
+    pub(super) fn check_spheres(&mut self, radius: &[f32], covered: &[bool]) {
+        let is_sphere = |slot: usize| radius[slot] > 0.0 && covered.get(slot) != Some(&true);
+        let has_changed = |(slot, searched): (usize, &bool)| slot >= radius.len() || is_sphere(slot) != *searched;
+        if self.broad_phase.is_some() && self.searched.iter().enumerate().any(has_changed) {
+            self.request_search();
+        }
+    }
+
     /// To be called when the particle in a slot is another one or was put elsewhere: its contacts are
     /// forgotten, and the particles on springs that it overlaps now do not collide with it until they part.
     pub fn forget_particle(&mut self, slot: usize) {

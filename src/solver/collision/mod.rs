@@ -25,6 +25,7 @@ mod plane;
 mod regions;
 mod response;
 mod stiff_pairs;
+mod surface;
 mod sweep;
 
 use bevy::math::{Vec3, Vec3A};
@@ -42,6 +43,7 @@ pub use plane::{Plane, Pose};
 use plane::{PlaneContact, Surface};
 use response::Rebound;
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
+pub(super) use surface::Surfaces;
 use sweep::Sweep;
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
@@ -151,6 +153,13 @@ impl ContactCaches {
 
     fn pair_count(&self) -> usize {
         self.candidates.groups.contacts()
+    }
+
+    /// Takes note of the particles that are no spheres of their own: see [`Surfaces::covered`].
+    pub fn set_covered(&mut self, memory: &mut ContactMemory, particles: &Particles, covered: &[bool]) {
+        self.candidates.covered.clear();
+        self.candidates.covered.extend_from_slice(covered);
+        memory.check_spheres(particles.radius(), covered);
     }
 
     /// Takes note of the particles in the islands that implicit Euler advances.

@@ -49,7 +49,7 @@ impl StiffPairs {
             return;
         }
         let memory = surroundings.memory;
-        exclusions.rebuild(particles, elements);
+        exclusions.rebuild(particles, elements, &[]);
         entangled.clear();
         entangled.extend_from_slice(memory.entangled());
         entangled.sort_unstable();

@@ -36,13 +36,17 @@ pub(in crate::solver) struct Exclusions {
     continues: Vec<bool>,
     /// The families of particles that do not collide with each other; empty if there are none.
     families: Vec<u32>,
+    /// Whether each particle is no sphere of its own; empty if all are.
+    covered: Vec<bool>,
 }
 
 impl Exclusions {
-    /// Derives them from all springs.
-    pub fn rebuild(&mut self, particles: &Particles, elements: &Elements) {
+    /// Derives them from all springs; `covered` particles are no spheres of their own.
+    pub fn rebuild(&mut self, particles: &Particles, elements: &Elements, is_covered: &[bool]) {
         let radius = particles.radius();
-        let Self { excluded, sprung, continues, families } = self;
+        let Self { excluded, sprung, continues, families, covered } = self;
+        covered.clear();
+        covered.extend_from_slice(is_covered);
         families.clear();
         families.extend_from_slice(particles.families());
         sprung.clear();
@@ -55,7 +59,8 @@ impl Exclusions {
         continues.clear();
         continues.resize(particles.len(), false);
         for (&[first, second], spring) in pairs.clone() {
-            if spring.stiffness > 0.0 && first.abs_diff(second) == 1 {
+            let is_sphere = is_covered.get(first as usize) != Some(&true);
+            if spring.stiffness > 0.0 && first.abs_diff(second) == 1 && is_sphere {
                 continues[first.max(second) as usize] = true;
             }
         }
@@ -78,6 +83,11 @@ impl Exclusions {
     /// Whether a spring pulls at a particle.
     pub fn is_sprung(&self, slot: usize) -> bool {
         self.sprung.get(slot) == Some(&true)
+    }
+
+    /// Whether a particle is no sphere of its own, but a part of a surface.
+    pub fn is_covered(&self, slot: usize) -> bool {
+        self.covered.get(slot) == Some(&true)
     }
 
     /// Whether a spring joins each particle to the one in the slot before.

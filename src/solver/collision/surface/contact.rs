@@ -1,0 +1,219 @@
+//! Which pairs touch, and where.
+
+use bevy::math::{Vec3, Vec3A};
+
+use super::pair::{Kind, Ways};
+use super::primitives::owns;
+use super::search::{Candidate, Moving};
+use crate::solver::particles::{Particles, Vectors};
+
+use super::super::response::{Approach, Rebound};
+
+/// Below this part of the way at which they touch, two primitives are taken to be in one place: what starts crossed or
+/// joined is left alone.
+pub(super) const COINCIDENT: f32 = 1e-4;
+
+/// Pairs that move, relative to each other, by less than this part of their distance are examined where they end: they
+/// are on the same side there.
+const SLOW_WAY: f32 = 0.5;
+
+/// Two primitives that touch.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Contact {
+    /// Slots, later the places of its particles among those that touch.
+    pub places: [u32; 4],
+    /// Those of the first side add up to 1, those of the second to −1.
+    pub weights: [f32; 4],
+    /// From the second to the first.
+    pub normal: Vec3A,
+    /// The distance that they keep, m.
+    pub reach: f32,
+    pub target_velocity: f32,
+    /// 1 / Σ wᵢ²/mᵢ, kg.
+    pub mass: f32,
+    /// N·s.
+    pub impulse: f32,
+    pub friction: Vec3A,
+    pub resting: bool,
+    /// Whether springs pull at any of them.
+    pub sprung: bool,
+}
+
+/// What the examination of pairs reads.
+pub(super) struct Examination<'a> {
+    pub moving: Moving<'a>,
+    /// m/s².
+    pub acceleration: &'a Vectors,
+    pub rebound: Rebound,
+    /// By slot, how far each vertex was from where it was in the search: see [`super::search::Search::moved`].
+    pub moved: &'a [Vec<f32>; 2],
+    pub on_mesh: &'a [bool],
+}
+
+impl Candidate {
+    /// The corners of the first side, and those of the second.
+    pub fn sides(&self) -> [&[u32]; 2] {
+        let sides = self.kind.first_side();
+        [&self.slots[..sides], &self.slots[sides..]]
+    }
+
+    /// The distance that they keep, at most, m.
+    pub fn largest_reach(&self) -> f32 {
+        self.reach.min(self.most)
+    }
+
+    /// A distance in m below which they have not come since the search.
+    #[inline]
+    pub fn least_distance(&self, moved: &[Vec<f32>; 2]) -> f32 {
+        let moved = &moved[usize::from(!self.is_within)];
+        let most = |slots: &[u32]| slots.iter().map(|slot| moved[*slot as usize]).fold(0.0, f32::max);
+        let [first, second] = self.sides();
+        self.distance - most(first) - most(second)
+    }
+
+    /// The ways of the corners in the substep.
+    pub fn ways(&self, moving: Moving) -> Ways {
+        let ends = self.slots.map(|slot| moving.ends(slot as usize));
+        Ways { kind: self.kind, start: ends.map(|[start, _]| start), way: ends.map(|[start, end]| end - start) }
+    }
+
+    /// Whether the pair is the one that counts at the closest points with these weights: a corner belongs to several edges
+    /// and triangles, an edge to several triangles.
+    fn owns(&self, weights: &[f32; 4]) -> bool {
+        match self.kind {
+            Kind::VertexFace => {
+                let is_zero = [1, 2, 3].map(|corner| weights[corner] == 0.0);
+                let needed = match is_zero {
+                    [false, true, true] => owns::CORNER,
+                    [true, false, true] => owns::CORNER << 1,
+                    [true, true, false] => owns::CORNER << 2,
+                    [false, false, true] => owns::EDGE,
+                    [true, false, false] => owns::EDGE << 1,
+                    [false, true, false] => owns::EDGE << 2,
+                    _ => 0,
+                };
+                self.marks[1] & needed == needed
+            }
+            Kind::EdgeEdge => {
+                let sides = [[weights[0], weights[1]], [weights[2], weights[3]]];
+                let [first, second] = self.marks;
+                // A corner against an edge of triangles is a corner against a triangle.
+                owns_end(sides[0], first, second & owns::FACE != 0)
+                    && owns_end(sides[1], second, first & owns::FACE != 0)
+            }
+            Kind::VertexEdge => owns_end([weights[1], weights[2]], self.marks[1], false),
+        }
+    }
+}
+
+fn owns_end([one, other]: [f32; 2], marks: u8, is_known: bool) -> bool {
+    match (one == 0.0, other == 0.0) {
+        (false, false) => true,
+        (false, true) => !is_known && marks & owns::CORNER != 0,
+        _ => !is_known && marks & (owns::CORNER << 1) != 0,
+    }
+}
+
+impl Examination<'_> {
+    /// The contact of a pair, if it touches.
+    pub fn contact(&self, candidate: &Candidate) -> Option<Contact> {
+        let slop = self.rebound.slop;
+        let largest = candidate.largest_reach();
+        // Neither of NaN.
+        if !(candidate.least_distance(self.moved) <= largest + slop) {
+            return None;
+        }
+        let ways = candidate.ways(self.moving);
+        let distance = ways.closest(0.0).apart.length();
+        let way = ways.relative_way();
+        if !(distance - way <= largest + slop) || distance <= COINCIDENT * candidate.reach {
+            return None;
+        }
+        let time = if way < SLOW_WAY * distance {
+            1.0
+        } else if distance <= largest {
+            0.0
+        } else {
+            ways.first_near(distance, largest)
+        };
+        let found = ways.closest(time);
+        if !candidate.owns(&found.weights) {
+            return None;
+        }
+        let mut weights = found.weights;
+        weights[candidate.kind.first_side()..].iter_mut().for_each(|weight| *weight = -*weight);
+        let particles = self.moving.particles;
+        let radius = |place: usize| particles.radius()[candidate.slots[place] as usize];
+        let reach: f32 = (0..4).map(|place| weights[place].abs() * radius(place)).sum();
+        let reach = reach.min(candidate.most);
+        let normal = found.apart.normalize_or_zero();
+        if normal == Vec3A::ZERO || reach == 0.0 {
+            return None;
+        }
+        let ends = ways.at(1.0);
+        // Relative to a corner: the weights add up to zero.
+        let gap: f32 = (0..4).map(|place| weights[place] * normal.dot(ends[place] - ends[0])).sum();
+        self.touch(candidate, weights, normal, (reach, gap))
+    }
+
+    fn touch(
+        &self,
+        candidate: &Candidate,
+        weights: [f32; 4],
+        normal: Vec3A,
+        (reach, gap): (f32, f32),
+    ) -> Option<Contact> {
+        let Self { moving: Moving { particles, .. }, acceleration, rebound, .. } = self;
+        if gap > reach + rebound.slop {
+            return None;
+        }
+        let along = |vectors: &Vectors| -> f32 {
+            let vector = |place: usize| Vec3A::from(vectors.get(candidate.slots[place] as usize));
+            (0..4).map(|place| weights[place] * normal.dot(vector(place))).sum()
+        };
+        let velocity = along(&particles.velocity);
+        let mut target_velocity = 0.0;
+        if velocity < 0.0 {
+            let (acceleration, depth) = (along(acceleration), (reach - gap).max(0.0));
+            target_velocity = rebound.velocity_after(Approach { velocity, acceleration, depth });
+        }
+        let resting = target_velocity == 0.0 && velocity.abs() < 2.0 * rebound.resting_speed;
+        if gap > reach && !resting {
+            return None;
+        }
+        let inverse_mass = |place: usize| particles.inverse_mass()[candidate.slots[place] as usize];
+        let yields: f32 = (0..4).map(|place| weights[place] * weights[place] * inverse_mass(place)).sum();
+        let sprung = candidate.slots.iter().any(|slot| self.on_mesh[*slot as usize]);
+        (yields > 0.0).then(|| Contact {
+            places: candidate.slots,
+            weights,
+            normal,
+            reach,
+            target_velocity,
+            mass: 1.0 / yields,
+            impulse: 0.0,
+            friction: Vec3A::ZERO,
+            resting,
+            sprung,
+        })
+    }
+}
+
+impl Contact {
+    /// What of the two sides is nearest to the place of contact: the slots of two particles, and the point on the surface
+    /// of the first.
+    pub fn nearest(&self, slots: [u32; 4], particles: &Particles) -> ([usize; 2], Vec3) {
+        let heaviest = |sign: f32| {
+            let weight = |place: usize| sign * self.weights[place];
+            (0..4).fold(0, |best, place| if weight(place) > weight(best) { place } else { best })
+        };
+        let [first, second] = [heaviest(1.0), heaviest(-1.0)];
+        let mut point = Vec3A::ZERO;
+        for place in (0..4).filter(|place| self.weights[*place] > 0.0) {
+            let slot = slots[place] as usize;
+            let centre = Vec3A::from(particles.position.get(slot));
+            point += self.weights[place] * (centre - particles.radius()[slot] * self.normal);
+        }
+        ([slots[first] as usize, slots[second] as usize], point.into())
+    }
+}

@@ -1,0 +1,200 @@
+//! Contacts of edges and triangles that have a thickness: ropes, cloths, balloons, jellies, and springs where asked, with
+//! each other, with themselves and with loose balls.
+//!
+//! **Nothing ever passes through anything**, once nothing does at the start. Three ways to that are known:
+//! - *Continuous collision detection with a line search* (Li et al., *Incremental potential contact*, SIGGRAPH 2020): all
+//!   particles stop at the first crossing that any pair would have. One contact stops everything, and each iteration
+//!   solves a cubic, or a conservative advancement, for every pair.
+//! - *Bounds on the displacement of each vertex* from the distances at the last search (Chen et al., *Offset geometric
+//!   contact*, SIGGRAPH 2025): cheap and local, but a bound of a part of the distance is used up by what moves together or
+//!   slides, as all of a cloth does that falls, and each bound that is used up costs a search.
+//! - *A certificate for each pair*, which is used here: sides that are apart along one direction at the start and at the end
+//!   of straight ways were so all the way (`advance.rs`). It is as cheap as a bound (four products), as local (only
+//!   particles of pairs that are not certified stop), exact for what slides and moves together, and needs no memory: all of
+//!   this is a function of where particles are at the start and at the end of a substep. A few pairs that fail are advanced
+//!   conservatively. The bounds of offset geometric contact remain for what they are best at, pairs that were not found: each
+//!   vertex stays in a box of which the search knows (`search.rs`).
+//!
+//! It is the last thing in a substep, after all that moves particles: any scheme, contacts of all kinds, strain limits.
+//! Pinned particles go where they are sent; others are moved on with them.
+//!
+//! **What touches** (`contact.rs`, `solve.rs`): pairs that come nearer than the sum of their radii, those at the closest points.
+//! Neighbours on a mesh keep half of the way along it (`near.rs`), if that is less. What starts crossed, or in one place, is
+//! left alone.
+//!
+//! There is nothing in this module that the next tick depends on: all of it is caches.
+
+mod advance;
+mod closest;
+mod contact;
+mod near;
+mod pair;
+mod primitives;
+mod search;
+mod solve;
+mod tree;
+
+use advance::Advance;
+use contact::{Contact, Examination};
+use primitives::Primitives;
+use search::{Moving, Search};
+use solve::Touching;
+
+use super::response::Rebound;
+use super::{ContactPartner, ContactRecord, Substep};
+use crate::solver::elements::{CollisionMesh, Elements};
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::StepSettings;
+
+/// No place among those that touch.
+const NONE: u32 = u32::MAX;
+
+/// The contacts of surfaces: caches and working memory.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Surfaces {
+    primitives: Primitives,
+    search: Search,
+    /// Positions at the start of the substep, m.
+    start: Vectors,
+    contacts: Vec<Contact>,
+    bodies: Vec<Touching>,
+    /// The place of each slot among the bodies.
+    places: Vec<u32>,
+    advance: Advance,
+    is_active: bool,
+}
+
+impl Surfaces {
+    /// To be called at the start of a tick.
+    pub fn begin_tick(
+        &mut self,
+        mesh: &CollisionMesh,
+        elements: &Elements,
+        particles: &Particles,
+        settings: &StepSettings,
+    ) {
+        let any = settings.pair_rules.is_some();
+        if any && self.primitives.refresh(mesh, elements, particles, settings.collide_springs) {
+            self.search.reset();
+        }
+        self.is_active = any && self.primitives.any;
+    }
+
+    /// Whether the particle in each slot is no sphere of its own; empty if all are.
+    pub fn covered(&self) -> &[bool] {
+        if self.is_active { &self.primitives.covered } else { &[] }
+    }
+
+    /// Keeps where all are at the start of a substep.
+    pub fn begin_substep(&mut self, particles: &Particles) {
+        if self.is_active {
+            self.start.copy_from(&particles.position);
+        }
+    }
+
+    /// Number of the contacts of the last substep.
+    pub fn count(&self) -> usize {
+        self.contacts.len()
+    }
+
+    /// Calls `visit` with the slots of the particles that touched or were stopped in the last substep.
+    pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
+        self.bodies.iter().for_each(|body| visit(body.slot as usize));
+        self.advance.stopped().iter().for_each(|slot| visit(*slot as usize));
+    }
+
+    /// Solves the contacts at the end of a substep, and appends them to `records`; whether there are any.
+    pub fn resolve(
+        &mut self,
+        particles: &mut Particles,
+        substep: Substep,
+        records: Option<&mut Vec<ContactRecord>>,
+    ) -> bool {
+        self.contacts.clear();
+        self.bodies.clear();
+        let Some(rules) = substep.settings.pair_rules.filter(|_| self.is_active) else { return false };
+        let Substep { settings, integrator, duration, acceleration, .. } = substep;
+        let gravity = settings.gravity.length();
+        let rebound = Rebound {
+            restitution: rules.restitution,
+            substep: duration,
+            resting_speed: gravity * duration,
+            slop: gravity * duration * duration,
+            velocity_lag: integrator.velocity_lag(),
+        };
+        let moving = Moving { start: &self.start, particles };
+        self.search.ensure(&self.primitives, moving, rebound.slop);
+        let Self { contacts, search, primitives, .. } = self;
+        let examination = Examination {
+            moving,
+            acceleration,
+            rebound,
+            moved: &search.moved,
+            on_mesh: &primitives.on_mesh,
+        };
+        contacts.extend(search.candidates.iter().filter_map(|pair| examination.contact(pair)));
+        if contacts.is_empty() {
+            return false;
+        }
+        self.gather(particles);
+        solve::solve_velocities(&mut self.contacts, &mut self.bodies, rules, 0.02 * rebound.resting_speed);
+        solve::solve_positions(&self.contacts, &mut self.bodies, rules);
+        for body in &self.bodies {
+            particles.position.set(body.slot as usize, body.position.into());
+            particles.velocity.set(body.slot as usize, body.velocity.into());
+        }
+        if let Some(records) = records {
+            self.record(particles, records);
+        }
+        true
+    }
+
+    /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
+    pub fn stop_crossings(&mut self, particles: &mut Particles) -> bool {
+        self.advance.clear();
+        if !self.is_active {
+            return false;
+        }
+        let moving = Moving { start: &self.start, particles };
+        self.search.ensure(&self.primitives, moving, 0.0);
+        self.advance.stop(&self.search, &self.start, particles)
+    }
+
+    /// Copies the particles that touch something, and gives the contacts their places.
+    fn gather(&mut self, particles: &Particles) {
+        let Self { contacts, bodies, places, start, .. } = self;
+        places.resize(particles.len(), NONE);
+        for contact in &mut *contacts {
+            for slot in &mut contact.places {
+                let number = *slot as usize;
+                if places[number] == NONE {
+                    places[number] = bodies.len() as u32;
+                    bodies.push(Touching {
+                        position: particles.position.get(number).into(),
+                        velocity: particles.velocity.get(number).into(),
+                        start: start.get(number).into(),
+                        inverse_mass: particles.inverse_mass()[number],
+                        slot: *slot,
+                    });
+                }
+                *slot = places[number];
+            }
+        }
+        bodies.iter().for_each(|body| places[body.slot as usize] = NONE);
+    }
+
+    fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {
+        for contact in self.contacts.iter().filter(|contact| contact.impulse > 0.0) {
+            let slots = contact.places.map(|place| self.bodies[place as usize].slot);
+            let ([first, second], point) = contact.nearest(slots, particles);
+            let (slot, other, normal) = if first < second {
+                (first, second, contact.normal)
+            } else {
+                (second, first, -contact.normal)
+            };
+            let other = ContactPartner::Particle(other);
+            let (normal, impulse) = (normal.into(), contact.impulse);
+            records.push(ContactRecord { slot, other, point, normal, impulse });
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Which particles of a mesh are near each other along it: they cannot keep the distance that others keep.
+
+use crate::solver::buckets::Buckets;
+
+/// Ways along the mesh up to this multiple of the radius of the particle where they begin are known; those of two that
+/// touch are at most half as long.
+const REACH: f32 = 4.0;
+
+/// The ways along edges and springs, at rest.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Near {
+    /// Of each slot those that are near, and how far, m; in the order of the slots.
+    ways: Buckets<(u32, f32)>,
+}
+
+impl Near {
+    /// Finds the ways along `links`, from each particle that is on the mesh and those that springs join to it.
+    pub fn rebuild<'a>(
+        &mut self,
+        links: impl Iterator<Item = &'a ([u32; 2], f32)> + Clone,
+        radius: &[f32],
+        on_mesh: &[bool],
+    ) {
+        let count = radius.len();
+        let mut joined = Buckets::default();
+        joined.fill(count, |add| {
+            for &([a, b], length) in links.clone() {
+                add(a as usize, (b, length));
+                add(b as usize, (a, length));
+            }
+        });
+        let mut found: Vec<(u32, u32, f32)> = Vec::new();
+        let mut length = vec![f32::INFINITY; count];
+        let mut front: Vec<u32> = Vec::new();
+        let mut reached: Vec<u32> = Vec::new();
+        for from in 0..count {
+            let reach = REACH * radius[from];
+            if reach == 0.0 || (!on_mesh[from] && joined.of(from).is_empty()) {
+                continue;
+            }
+            length[from] = 0.0;
+            front.push(from as u32);
+            // Label correcting: in a few steps, as ways are short.
+            while let Some(at) = front.pop() {
+                for &(to, way) in joined.of(at as usize) {
+                    let sum = length[at as usize] + way;
+                    if sum < reach && sum < length[to as usize] {
+                        if length[to as usize] == f32::INFINITY {
+                            reached.push(to);
+                        }
+                        length[to as usize] = sum;
+                        front.push(to);
+                    }
+                }
+            }
+            for to in reached.drain(..) {
+                if to as usize != from {
+                    found.push((from as u32, to, length[to as usize]));
+                }
+                length[to as usize] = f32::INFINITY;
+            }
+            length[from] = f32::INFINITY;
+        }
+        self.ways.fill(count, |add| {
+            found.iter().for_each(|(from, to, length)| add(*from as usize, (*to, *length)));
+        });
+    }
+
+    /// The least way from a corner of one side to one of the other, m; infinity where it is long.
+    pub fn way(&self, first: &[u32], second: &[u32]) -> f32 {
+        if self.ways.is_empty() {
+            return f32::INFINITY;
+        }
+        let mut least = f32::INFINITY;
+        let mut search = |from: &[u32], to: &[u32]| {
+            for slot in from {
+                for (other, way) in self.ways.of(*slot as usize) {
+                    if *way < least && to.contains(other) {
+                        least = *way;
+                    }
+                }
+            }
+        };
+        search(first, second);
+        search(second, first);
+        least
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ways_are_the_shortest_and_end_at_a_few_radii() {
+        let links = [([0, 1], 1.0), ([1, 2], 1.0), ([0, 2], 1.5), ([2, 3], 1.0), ([3, 4], 9.0)];
+        let mut near = Near::default();
+        near.rebuild(links.iter(), &[0.7, 0.7, 0.7, 0.7, 0.7], &[true; 5]);
+        assert_eq!(near.way(&[0], &[2, 4]), 1.5);
+        assert_eq!(near.way(&[0], &[3, 4]), 2.5);
+        assert_eq!(near.way(&[0, 1], &[3, 4]), 2.0);
+        assert_eq!(near.way(&[0, 1, 2, 3], &[4]), f32::INFINITY);
+    }
+}

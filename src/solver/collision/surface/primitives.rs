@@ -1,0 +1,176 @@
+//! What may collide: the primitives of the mesh in clusters, and the loose balls. A cache of mesh, springs and radii.
+
+use bevy::math::Vec3;
+
+use super::near::Near;
+use super::tree::{Forest, Item};
+use crate::solver::elements::{CollisionMesh, Elements};
+use crate::solver::particles::Particles;
+use crate::solver::state::Version;
+
+/// Marks of a triangle: of which of its features it is the first one, so that what two share counts once.
+pub(super) mod owns {
+    /// Of the corner 0; those of the others are the next bits.
+    pub const CORNER: u8 = 1;
+    /// Of the edge from corner 0 to corner 1, then 1 to 2 and 2 to 0.
+    pub const EDGE: u8 = 8;
+    /// Mark of an edge: it belongs to a triangle.
+    pub const FACE: u8 = 4;
+}
+
+/// An edge or a triangle; of an edge the last corner is the one before.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Primitive {
+    pub corners: [u32; 3],
+    /// See [`owns`]; of an edge the corners that it owns and whether it belongs to a triangle.
+    pub marks: u8,
+}
+
+/// All that may collide.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Primitives {
+    key: Option<[Version; 4]>,
+    springs: Vec<([u32; 2], f32)>,
+    with_springs: bool,
+    /// Whether a primitive with a thickness has a corner in each slot.
+    pub on_mesh: Vec<bool>,
+    /// Whether each particle is no sphere of its own any more.
+    pub covered: Vec<bool>,
+    /// The slots of the particles that are spheres still.
+    pub balls: Vec<u32>,
+    pub forest: Forest,
+    pub near: Near,
+    /// Whether there is anything but spheres.
+    pub any: bool,
+    /// Working memory.
+    loose: Vec<([u32; 2], f32)>,
+}
+
+impl Primitives {
+    /// Makes them those of the present mesh; whether they are others than before.
+    pub fn refresh(
+        &mut self,
+        mesh: &CollisionMesh,
+        elements: &Elements,
+        particles: &Particles,
+        with_springs: bool,
+    ) -> bool {
+        if mesh.edges.is_empty() && mesh.triangles.is_empty() && !with_springs {
+            let was_any = self.any || self.key.is_some();
+            if was_any {
+                *self = Self::default();
+            }
+            return was_any;
+        }
+        let versions =
+            [mesh.version(), elements.ends_version(), particles.added_version(), particles.shape_version()];
+        self.loose.clear();
+        self.loose.extend(mesh.loose_springs(elements));
+        if self.key == Some(versions) && self.springs == self.loose && self.with_springs == with_springs {
+            return false;
+        }
+        (self.key, self.with_springs) = (Some(versions), with_springs);
+        std::mem::swap(&mut self.springs, &mut self.loose);
+        self.rebuild(mesh, elements, particles);
+        true
+    }
+
+    fn rebuild(&mut self, mesh: &CollisionMesh, elements: &Elements, particles: &Particles) {
+        let radius = particles.radius();
+        let count = particles.len();
+        let is_thick = |corners: &[u32]| {
+            let all_there = corners.iter().all(|corner| (*corner as usize) < count);
+            all_there && corners.iter().any(|corner| radius[*corner as usize] > 0.0)
+        };
+        let edges: Vec<([u32; 2], f32)> =
+            mesh.present_edges(elements, self.with_springs).filter(|(ends, _)| is_thick(ends)).collect();
+        let triangles: Vec<[u32; 3]> =
+            mesh.present_triangles().filter(|corners| is_thick(corners)).collect();
+        self.on_mesh.clear();
+        self.on_mesh.resize(count, false);
+        let corners = edges.iter().flat_map(|(ends, _)| ends).chain(triangles.as_flattened());
+        corners.for_each(|corner| self.on_mesh[*corner as usize] = true);
+        self.any = self.on_mesh.contains(&true);
+        self.covered.clear();
+        self.covered.extend(
+            self.on_mesh.iter().enumerate().map(|(slot, on_mesh)| *on_mesh || self.any && mesh.is_inner(slot)),
+        );
+        self.balls.clear();
+        let is_ball = |slot: &u32| radius[*slot as usize] > 0.0 && !self.covered[*slot as usize];
+        self.balls.extend((0..count as u32).filter(is_ball));
+        let items = items(edges.iter().map(|(ends, _)| *ends), &triangles, count);
+        self.forest.build(items, count);
+        let links = edges.iter().chain(&self.springs);
+        self.near.rebuild(links, radius, &self.on_mesh);
+    }
+
+    /// Where a body is without what its particles have moved relative to each other, m: the mean over some of them.
+    pub fn mean(slots: &[u32], place: impl Fn(usize) -> Vec3) -> Vec3 {
+        let step = slots.len().div_ceil(64).max(1);
+        let sample = slots.iter().step_by(step);
+        let size = sample.len() as f32;
+        let mean = sample.map(|slot| place(*slot as usize)).sum::<Vec3>() / size;
+        if mean.is_finite() { mean } else { Vec3::ZERO }
+    }
+}
+
+/// The triangles with their edges, and the edges that belong to none.
+fn items(
+    edges: impl Iterator<Item = [u32; 2]>,
+    triangles: &[[u32; 3]],
+    count: usize,
+) -> Vec<Item> {
+    let mut seen = vec![false; count];
+    let mut first_at = |slot: u32| !std::mem::replace(&mut seen[slot as usize], true);
+    let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());
+    for (number, corners) in (0..).zip(triangles) {
+        let [a, b, c] = *corners;
+        sides.extend([[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], number)));
+    }
+    sides.sort_unstable();
+    let first_with = |side: [u32; 2]| sides.partition_point(|(other, _)| *other < side);
+    let edges = marked_edges(edges, count, |side| {
+        sides.get(first_with(side)).is_some_and(|(other, _)| *other == side)
+    });
+    let mut items = Vec::with_capacity(triangles.len() + edges.len());
+    for (number, corners) in (0..).zip(triangles) {
+        let mut marks = 0;
+        let mut own = [None; 3];
+        let [a, b, c] = *corners;
+        for (place, [a, b]) in [[a, b], [b, c], [c, a]].into_iter().enumerate() {
+            if first_at(a) {
+                marks |= owns::CORNER << place;
+            }
+            let side = [a.min(b), a.max(b)];
+            if sides[first_with(side)].1 == number {
+                marks |= owns::EDGE << place;
+                let known = edges.binary_search_by_key(&side, |edge| [edge.corners[0], edge.corners[1]]);
+                own[place] = known.ok().map(|place| edges[place]);
+            }
+        }
+        items.push(Item { triangle: Some(Primitive { corners: *corners, marks }), edges: own });
+    }
+    let bare = edges.iter().filter(|edge| edge.marks & owns::FACE == 0);
+    items.extend(bare.map(|edge| Item { triangle: None, edges: [Some(*edge), None, None] }));
+    items
+}
+
+/// The edges in the order of their ends, with their marks.
+fn marked_edges(
+    edges: impl Iterator<Item = [u32; 2]>,
+    count: usize,
+    is_of_face: impl Fn([u32; 2]) -> bool,
+) -> Vec<Primitive> {
+    let mut edges: Vec<[u32; 2]> = edges.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let mut seen = vec![false; count];
+    let mut first_at = |slot: u32| u8::from(!std::mem::replace(&mut seen[slot as usize], true));
+    let mark = |side: [u32; 2]| {
+        let [a, b] = side;
+        let face = if is_of_face(side) { owns::FACE } else { 0 };
+        let marks = (owns::CORNER * first_at(a)) | ((owns::CORNER << 1) * first_at(b)) | face;
+        Primitive { corners: [a, b, b], marks }
+    };
+    edges.into_iter().map(mark).collect()
+}

@@ -1,0 +1,472 @@
+//! Which pairs may come near each other: found from boxes in which each vertex stays.
+//!
+//! A vertex has two boxes, each around where it is at the start and at the end of the substep of the search, with a skin:
+//! one that goes with the mean of its body, for pairs within the body, and one that stays in the world, for pairs of two
+//! bodies. As long as each vertex is in its boxes no pair can touch that was not found, so that no other search is needed;
+//! what moves together, or is far from all others, uses none of them up.
+
+use bevy::math::Vec3A;
+
+use super::closest::closest;
+use super::pair::Kind;
+use super::primitives::{Primitive, Primitives, owns};
+use super::tree::{Box3, Cluster, Forest};
+use crate::solver::particles::{Particles, Vectors};
+
+/// The skin of a slow vertex, as a part of its radius.
+const SKIN: f32 = 0.6;
+
+/// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
+const FAST_SKIN: [f32; 2] = [2.0, 6.0];
+
+/// Rounding, as a part of a coordinate.
+const ROUNDING: f32 = 4e-7;
+
+/// The same, of distances and ways.
+const DISTANCE_ROUNDING: f32 = 2e-6;
+
+/// Number of pairs for each primitive, and beside them, from which on there are too many: of what is put into each other.
+const MAX_PAIRS: [usize; 2] = [200, 100_000];
+
+/// Two primitives that may touch before a vertex leaves its box.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Candidate {
+    pub slots: [u32; 4],
+    pub kind: Kind,
+    /// Marks of the first and the second primitive.
+    pub marks: [u8; 2],
+    /// Whether both are of one body.
+    pub is_within: bool,
+    /// Their distance at the start of the substep of the search, m.
+    pub distance: f32,
+    /// The distance at which they may touch, at most, m.
+    pub reach: f32,
+    /// The greatest distance that they keep, m: half of the way from one to the other along the mesh.
+    pub most: f32,
+}
+
+/// What is known since the last search.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Search {
+    pub candidates: Vec<Candidate>,
+    /// Whether what was found is all that is needed: too much was not looked at.
+    pub is_complete: bool,
+    is_good: bool,
+    /// How far beyond where they touch pairs are wanted, m.
+    margin: f32,
+    /// By slot.
+    origins: Vectors,
+    within: Vec<Box3>,
+    world: Vec<Box3>,
+    /// How far each vertex is, or was at the start of the substep, from where it was in the search: with its body, and in
+    /// the world; m.
+    pub moved: [Vec<f32>; 2],
+    /// How far each vertex may come from there without leaving its boxes, m.
+    rooms: [Vec<f32>; 2],
+    /// By node of the forest.
+    node_within: Vec<Box3>,
+    node_world: Vec<Box3>,
+    /// By body: its box, where it has been; which bodies have a partner.
+    body_boxes: Vec<Box3>,
+    has_partner: Vec<bool>,
+    origin_means: Vec<Vec3A>,
+    order: Vec<(f32, u32)>,
+    /// The bodies, balls behind them, whose boxes overlap.
+    partners: Vec<[u32; 2]>,
+    stack: Vec<[u32; 2]>,
+}
+
+/// The particles at the start and at the end of a substep.
+#[derive(Clone, Copy)]
+pub(super) struct Moving<'a> {
+    pub start: &'a Vectors,
+    pub particles: &'a Particles,
+}
+
+impl Moving<'_> {
+    #[inline(always)]
+    pub fn ends(&self, slot: usize) -> [Vec3A; 2] {
+        [self.start.get(slot).into(), self.particles.position.get(slot).into()]
+    }
+}
+
+impl Search {
+    /// The next substep searches.
+    pub fn reset(&mut self) {
+        self.is_good = false;
+    }
+
+    /// Makes the candidates good for a substep: all pairs that come within `margin` m of touching are among them, in an order
+    /// that does not depend on when they were found.
+    pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, margin: f32) {
+        self.is_good &= margin <= self.margin;
+        if !(self.is_good && self.still_holds(primitives, moving)) {
+            self.margin = margin;
+            self.search(primitives, moving);
+            self.is_good = true;
+            self.measure(primitives, moving);
+        }
+    }
+
+    /// The means of where a body's vertices are at the start and at the end, relative to those in the search.
+    fn drift(&self, primitives: &Primitives, number: usize, moving: Moving) -> [Vec3A; 2] {
+        let forest = &primitives.forest;
+        let vertices = forest.vertices_of(&forest.bodies[number]);
+        let origin = self.origin_means[number];
+        let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
+        let end = Primitives::mean(vertices, |slot| moving.particles.position.get(slot));
+        [Vec3A::from(start) - origin, Vec3A::from(end) - origin]
+    }
+
+    /// Whether each vertex is in its boxes.
+    fn still_holds(&mut self, primitives: &Primitives, moving: Moving) -> bool {
+        let forest = &primitives.forest;
+        for (number, body) in forest.bodies.iter().enumerate() {
+            let drift = self.drift(primitives, number, moving);
+            let mut all = Box3::NOTHING;
+            for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
+                let ends = moving.ends(slot);
+                if !(ends[0] + ends[1]).is_finite() {
+                    // It is in no box, and leaves the simulation.
+                    continue;
+                }
+                let within = &self.within[slot];
+                if !(within.contains(ends[0] - drift[0]) && within.contains(ends[1] - drift[1])) {
+                    return false;
+                }
+                let origin = Vec3A::from(self.origins.get(slot));
+                let moved = |[one, other]: [Vec3A; 2]| {
+                    (one - origin).length_squared().max((other - origin).length_squared()).sqrt()
+                };
+                self.moved[0][slot] = moved([ends[0] - drift[0], ends[1] - drift[1]]);
+                if self.has_partner[number] {
+                    let world = &self.world[slot];
+                    if !(world.contains(ends[0]) && world.contains(ends[1])) {
+                        return false;
+                    }
+                    self.moved[1][slot] = moved(ends);
+                } else {
+                    let reach = moving.particles.radius()[slot];
+                    all.least = all.least.min(ends[0].min(ends[1]) - reach);
+                    all.most = all.most.max(ends[0].max(ends[1]) + reach);
+                }
+            }
+            let own = &self.body_boxes[number];
+            if !self.has_partner[number] && !(own.contains(all.least) && own.contains(all.most)) {
+                return false;
+            }
+        }
+        for slot in primitives.balls.iter().map(|slot| *slot as usize) {
+            let (ends, world) = (moving.ends(slot), &self.world[slot]);
+            if !(ends[0] + ends[1]).is_finite() {
+                continue;
+            }
+            if !(world.contains(ends[0]) && world.contains(ends[1])) {
+                return false;
+            }
+            let origin = Vec3A::from(self.origins.get(slot));
+            self.moved[1][slot] = ends[0].distance(origin).max(ends[1].distance(origin));
+        }
+        true
+    }
+
+    /// The same measures right after a search.
+    fn measure(&mut self, primitives: &Primitives, moving: Moving) {
+        let holds = self.still_holds(primitives, moving);
+        debug_assert!(holds, "a search holds for the substep that it was made for");
+    }
+
+    fn search(&mut self, primitives: &Primitives, moving: Moving) {
+        let forest = &primitives.forest;
+        self.make_boxes(primitives, moving);
+        let count = moving.particles.len();
+        self.moved.iter_mut().for_each(|moved| moved.resize(count, 0.0));
+        self.node_within.resize(forest.nodes.len(), Box3::NOTHING);
+        self.node_world.resize(forest.nodes.len(), Box3::NOTHING);
+        self.body_boxes.clear();
+        for body in &forest.bodies {
+            forest.fit(body, &self.within, &mut self.node_within);
+            forest.fit(body, &self.world, &mut self.node_world);
+            self.body_boxes.push(self.node_world[body.nodes.start as usize]);
+        }
+        self.has_partner.clear();
+        self.has_partner.resize(forest.bodies.len(), false);
+        let Self { candidates, node_within, node_world, within, world, stack, rooms, margin, .. } = self;
+        candidates.clear();
+        let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
+        let mut finder = Finder { primitives, moving, candidates, rooms, margin: *margin, most };
+        for body in &forest.bodies {
+            let root = body.nodes.start;
+            finder.walk([root, root], (node_within, within, true), stack);
+        }
+        // The boxes of bodies, swept along x; balls are bodies, too.
+        self.order.clear();
+        self.order.extend((0..).zip(&self.body_boxes).map(|(number, body)| (body.least.x, number)));
+        let bodies = forest.bodies.len() as u32;
+        let balls = (bodies..).zip(&primitives.balls);
+        self.order.extend(balls.map(|(number, slot)| (world[*slot as usize].least.x, number)));
+        self.order.sort_unstable_by(|(one, a), (other, b)| one.total_cmp(other).then(a.cmp(b)));
+        let box_of = |number: u32| match number.checked_sub(bodies) {
+            None => self.body_boxes[number as usize],
+            Some(ball) => world[primitives.balls[ball as usize] as usize],
+        };
+        self.partners.clear();
+        for (place, (_, one)) in self.order.iter().enumerate() {
+            let own = box_of(*one);
+            let others = self.order[place + 1..].iter().take_while(|(least, _)| *least <= own.most.x);
+            for (_, other) in others {
+                let is_mesh = *one < bodies || *other < bodies;
+                if is_mesh && own.overlaps(&box_of(*other)) {
+                    self.partners.push([*one.min(other), *one.max(other)]);
+                }
+            }
+        }
+        self.partners.sort_unstable();
+        for [one, other] in self.partners.iter().copied() {
+            self.has_partner[one as usize] = true;
+            let root = forest.bodies[one as usize].nodes.start;
+            match other.checked_sub(bodies) {
+                None => {
+                    self.has_partner[other as usize] = true;
+                    let other = forest.bodies[other as usize].nodes.start;
+                    finder.walk([root, other], (node_world, world, false), stack);
+                }
+                Some(ball) => {
+                    let slot = primitives.balls[ball as usize];
+                    finder.walk_ball(root, slot, (node_world, world), stack);
+                }
+            }
+        }
+        self.is_complete = self.candidates.len() < most;
+        if !self.is_complete {
+            self.candidates.clear();
+        }
+    }
+
+    /// Gives the vertices their boxes.
+    fn make_boxes(&mut self, primitives: &Primitives, moving: Moving) {
+        let (count, forest, margin) = (moving.particles.len(), &primitives.forest, self.margin);
+        self.origins.copy_from(moving.start);
+        self.within.resize(count, Box3::NOTHING);
+        self.world.resize(count, Box3::NOTHING);
+        self.origin_means.clear();
+        let radius = moving.particles.radius();
+        self.rooms.iter_mut().for_each(|rooms| rooms.resize(count, 0.0));
+        let room = |own: &Box3, slot: usize, origin: Vec3A| {
+            let farthest = (own.most - origin).max(origin - own.least);
+            if farthest.is_finite() { (farthest.length() - radius[slot]).max(0.0) } else { 0.0 }
+        };
+        for body in &forest.bodies {
+            let vertices = forest.vertices_of(body);
+            let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
+            let end = Primitives::mean(vertices, |slot| moving.particles.position.get(slot));
+            let drift = Vec3A::from(end) - Vec3A::from(start);
+            self.origin_means.push(start.into());
+            for slot in vertices.iter().map(|slot| *slot as usize) {
+                let ends = moving.ends(slot);
+                self.within[slot] = box_around([ends[0], ends[1] - drift], radius[slot], margin);
+                self.world[slot] = box_around(ends, radius[slot], margin);
+                self.rooms[0][slot] = room(&self.within[slot], slot, ends[0]);
+                self.rooms[1][slot] = room(&self.world[slot], slot, ends[0]);
+            }
+        }
+        for slot in primitives.balls.iter().map(|slot| *slot as usize) {
+            let ends = moving.ends(slot);
+            self.world[slot] = box_around(ends, radius[slot], margin);
+            self.rooms[1][slot] = room(&self.world[slot], slot, ends[0]);
+        }
+    }
+}
+
+/// The box of a vertex of a `radius` that is at both places, with radius and skin.
+#[inline(always)]
+fn box_around([start, end]: [Vec3A; 2], radius: f32, margin: f32) -> Box3 {
+    if !(start + end).is_finite() {
+        return Box3::NOTHING;
+    }
+    let way = start.distance(end);
+    let skin = (SKIN * radius).max((FAST_SKIN[0] * way).min(FAST_SKIN[1] * radius));
+    let rounding = ROUNDING * start.abs().max(end.abs()).max_element();
+    let reach = Vec3A::splat(radius + skin + 0.5 * margin + rounding + f32::MIN_POSITIVE);
+    Box3 { least: start.min(end) - reach, most: start.max(end) + reach }
+}
+
+/// Lists the pairs whose boxes overlap.
+struct Finder<'a> {
+    primitives: &'a Primitives,
+    moving: Moving<'a>,
+    candidates: &'a mut Vec<Candidate>,
+    rooms: &'a [Vec<f32>; 2],
+    margin: f32,
+    most: usize,
+}
+
+/// The boxes of nodes and of vertices, and whether pairs are within a body.
+type Boxes<'b> = (&'b [Box3], &'b [Box3], bool);
+
+impl Finder<'_> {
+    /// Looks for pairs below two nodes.
+    fn walk(&mut self, pair: [u32; 2], (nodes, vertices, is_within): Boxes, stack: &mut Vec<[u32; 2]>) {
+        let forest = &self.primitives.forest;
+        stack.clear();
+        stack.push(pair);
+        while let Some([one, other]) = stack.pop() {
+            if self.candidates.len() >= self.most {
+                return;
+            }
+            let [first, second] = [one, other].map(|node| forest.nodes[node as usize]);
+            if one == other {
+                match first.is_leaf {
+                    true => self.test_clusters([first.second; 2], (nodes, vertices, is_within), [one; 2]),
+                    false => stack.extend([
+                        [one + 1, one + 1],
+                        [first.second, first.second],
+                        [one + 1, first.second],
+                    ]),
+                }
+                continue;
+            }
+            if !nodes[one as usize].overlaps(&nodes[other as usize]) {
+                continue;
+            }
+            match (first.is_leaf, second.is_leaf) {
+                (true, true) => {
+                    let clusters = [first.second, second.second];
+                    self.test_clusters(clusters, (nodes, vertices, is_within), [one, other]);
+                }
+                (false, true) => stack.extend([[one + 1, other], [first.second, other]]),
+                (true, false) => stack.extend([[one, other + 1], [one, second.second]]),
+                (false, false) => stack.extend([
+                    [one + 1, other + 1],
+                    [one + 1, second.second],
+                    [first.second, other + 1],
+                    [first.second, second.second],
+                ]),
+            }
+        }
+    }
+
+    /// Looks for pairs of a ball with what is below a node.
+    fn walk_ball(
+        &mut self,
+        root: u32,
+        slot: u32,
+        (nodes, vertices): (&[Box3], &[Box3]),
+        stack: &mut Vec<[u32; 2]>,
+    ) {
+        let forest = &self.primitives.forest;
+        let own = vertices[slot as usize];
+        stack.clear();
+        stack.push([root; 2]);
+        while let Some([node, _]) = stack.pop() {
+            if !nodes[node as usize].overlaps(&own) {
+                continue;
+            }
+            let second = forest.nodes[node as usize].second;
+            if !forest.nodes[node as usize].is_leaf {
+                stack.extend([[node + 1; 2], [second; 2]]);
+                continue;
+            }
+            let cluster = &forest.clusters[second as usize];
+            for triangle in triangles_of(forest, cluster) {
+                if box_of(vertices, &triangle.corners).overlaps(&own) {
+                    self.add_vertex_face(slot, triangle, false);
+                }
+            }
+            for edge in edges_of(forest, cluster).iter().filter(|edge| edge.marks & owns::FACE == 0) {
+                if box_of(vertices, &edge.corners).overlaps(&own) {
+                    let [a, b, _] = edge.corners;
+                    self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], false);
+                }
+            }
+        }
+    }
+
+    /// Looks for pairs between two clusters, or within one.
+    fn test_clusters(&mut self, numbers: [u32; 2], (nodes, vertices, is_within): Boxes, at: [u32; 2]) {
+        let forest = &self.primitives.forest;
+        let clusters = numbers.map(|number| &forest.clusters[number as usize]);
+        let limits = [nodes[at[1] as usize], nodes[at[0] as usize]];
+        let is_same = numbers[0] == numbers[1];
+        for side in 0..if is_same { 1 } else { 2 } {
+            let (own, other) = (clusters[side], clusters[1 - side]);
+            for slot in &forest.vertices[own.vertices.start as usize..own.vertices.end as usize] {
+                let vertex = &vertices[*slot as usize];
+                if !vertex.overlaps(&limits[side]) {
+                    continue;
+                }
+                for triangle in triangles_of(forest, other) {
+                    let is_near = box_of(vertices, &triangle.corners).overlaps(vertex);
+                    if is_near && !triangle.corners.contains(slot) {
+                        self.add_vertex_face(*slot, triangle, is_within);
+                    }
+                }
+            }
+        }
+        for (place, edge) in edges_of(forest, clusters[0]).iter().enumerate() {
+            let own = box_of(vertices, &edge.corners);
+            if !own.overlaps(&limits[0]) {
+                continue;
+            }
+            let others = edges_of(forest, clusters[1]);
+            for other in if is_same { &others[place + 1..] } else { others } {
+                let is_near = box_of(vertices, &other.corners).overlaps(&own);
+                if is_near && !edge.corners[..2].iter().any(|corner| other.corners.contains(corner)) {
+                    self.add_edges(edge, other, is_within);
+                }
+            }
+        }
+    }
+
+    fn add_vertex_face(&mut self, slot: u32, triangle: &Primitive, is_within: bool) {
+        let [a, b, c] = triangle.corners;
+        self.add([slot, a, b, c], Kind::VertexFace, [0, triangle.marks], is_within);
+    }
+
+    /// The edge with the smaller ends comes first, whatever cluster it is in.
+    fn add_edges(&mut self, edge: &Primitive, other: &Primitive, is_within: bool) {
+        let (one, other) = if edge.corners < other.corners { (edge, other) } else { (other, edge) };
+        let slots = [one.corners[0], one.corners[1], other.corners[0], other.corners[1]];
+        self.add(slots, Kind::EdgeEdge, [one.marks, other.marks], is_within);
+    }
+
+    fn add(&mut self, slots: [u32; 4], kind: Kind, marks: [u8; 2], is_within: bool) {
+        let particles = self.moving.particles;
+        let is_free = |slot: &u32| !particles.is_pinned(*slot as usize);
+        let family = |slot: u32| particles.families().get(slot as usize).copied().unwrap_or(0);
+        let are_one_family = family(slots[0]) != 0 && family(slots[0]) == family(slots[3]);
+        if are_one_family || !slots.iter().any(is_free) {
+            return;
+        }
+        let sides = kind.first_side();
+        let largest = |of: &[f32], slots: &[u32]| {
+            slots.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max)
+        };
+        let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
+        let reach = of_both(particles.radius());
+        let corners = slots.map(|slot| Vec3A::from(self.moving.start.get(slot as usize)));
+        let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
+        // Less than the true one: what is told from it must not depend on rounding.
+        let distance = closest(kind, &corners).apart.length() - DISTANCE_ROUNDING * farthest.max_element();
+        if distance > reach + self.margin + of_both(&self.rooms[usize::from(!is_within)]) {
+            return;
+        }
+        let most = 0.5 * self.primitives.near.way(&slots[..sides], &slots[sides..]);
+        self.candidates.push(Candidate { slots, kind, marks, is_within, distance, reach, most });
+    }
+}
+
+fn triangles_of<'f>(forest: &'f Forest, cluster: &Cluster) -> &'f [Primitive] {
+    &forest.triangles[cluster.triangles.start as usize..cluster.triangles.end as usize]
+}
+
+fn edges_of<'f>(forest: &'f Forest, cluster: &Cluster) -> &'f [Primitive] {
+    &forest.edges[cluster.edges.start as usize..cluster.edges.end as usize]
+}
+
+/// The box of a primitive.
+#[inline(always)]
+fn box_of(vertices: &[Box3], corners: &[u32; 3]) -> Box3 {
+    let [a, b, c] = corners.map(|corner| vertices[corner as usize]);
+    a.union(b).union(c)
+}

@@ -1,0 +1,131 @@
+//! Cloths that fold, twist and fall in heaps.
+
+use std::f32::consts::TAU;
+
+use bevy::math::{Quat, UVec2, Vec3};
+use bevy_mass_spring::nets::{Cloth, ClothMaterial};
+use bevy_mass_spring::solver::{Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode};
+
+use crate::common::bodies::{add_net, positions};
+use crate::common::crossings::Shapes;
+
+fn settings(integrator: Integrator) -> StepSettings {
+    StepSettings {
+        integrator,
+        substeps: match integrator {
+            Integrator::ImplicitEuler => SubstepMode::Fixed(1),
+            Integrator::Xpbd => SubstepMode::Fixed(8),
+            _ => SubstepMode::Auto,
+        },
+        time_step: 1.0 / 120.0,
+        gravity: Vec3::NEG_Y * 9.81,
+        viscosity: 1e-4,
+        pair_rules: Some(PairRules { restitution: 0.0, friction: 0.2 }),
+        ..StepSettings::default()
+    }
+}
+
+fn shapes(triangles: &[[u32; 3]]) -> Shapes {
+    Shapes::of_triangles(triangles.iter().map(|corners| corners.map(|corner| corner as usize)).collect())
+}
+
+/// A cloth of `cells`² that hangs from a point above the ground and falls in a heap. Returns the time of the slowest tick.
+fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
+    let mut solver = Solver::default();
+    solver.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.3));
+    let cloth = Cloth::grid(Vec3::new(0.0, 0.2, 0.0), Vec3::Y, Vec3::Z, UVec2::splat(cells))
+        .with_radius(0.2 / cells as f32)
+        .with_material(ClothMaterial::COTTON);
+    let mut topology = cloth.topology().unwrap();
+    for place in &mut topology.positions {
+        // Not quite straight, so that it folds.
+        place.x += 0.01 * (13.0 * place.z).sin() + 0.01 * (9.0 * place.y).sin();
+    }
+    add_net(&mut solver, &topology, Vec3::ZERO, &[]);
+    let shapes = shapes(&topology.triangles);
+    assert_eq!(shapes.crossings(&positions(&solver)), 0);
+    let mut most = 0;
+    for tick in 0..ticks {
+        solver.step(&settings(integrator));
+        most = most.max(solver.outputs().contact_count);
+        if tick % looks == 0 || tick + 1 == ticks {
+            let places = positions(&solver);
+            assert!(places.iter().all(|place| place.is_finite() && place.length() < 3.0), "tick {tick}");
+            assert_eq!(shapes.crossings(&places), 0, "{integrator}, tick {tick}");
+        }
+    }
+    assert!(most > cells as usize, "{most} contacts");
+}
+
+#[test]
+fn a_cloth_falls_in_a_heap_without_a_crossing() {
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler] {
+        fall_in_a_heap(integrator, 20, 240, 4);
+    }
+}
+
+/// A tube whose ends turn against each other.
+fn twist(integrator: Integrator, size: [u32; 2], turns: f32, seconds: f32, looks: u32) {
+    let [around, along] = size;
+    let cloth = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Y, UVec2::new(around, along));
+    let spacing = TAU * 0.15 / around as f32;
+    let cloth = cloth.with_radius(0.2 * spacing).with_material(ClothMaterial::COTTON).topology().unwrap();
+    // Rolled up, the first and the last column joined.
+    let row = around + 1;
+    let number = |number: u32| (number / row) * around + (number % row) % around;
+    let place = |column: u32, line: u32| {
+        let angle = TAU * column as f32 / around as f32;
+        Vec3::new(0.15 * angle.cos(), 1.0 * line as f32 / along as f32, 0.15 * angle.sin())
+    };
+    let mut solver = Solver::default();
+    for line in 0..=along {
+        for column in 0..around {
+            let is_end = line == 0 || line == along;
+            let mass = if is_end { f32::INFINITY } else { cloth.masses[(row + 1) as usize] };
+            solver.add_particle(place(column, line), Vec3::ZERO, mass, 0.2 * spacing).unwrap();
+        }
+    }
+    let mut springs: Vec<[u32; 2]> = cloth.springs.iter().map(|(ends, _)| ends.map(number)).collect();
+    springs.iter_mut().for_each(|ends| ends.sort_unstable());
+    springs.sort_unstable();
+    springs.dedup();
+    let parameters = cloth.springs[0].1;
+    for ends in springs.into_iter().filter(|ends| ends[0] != ends[1]) {
+        let ends = ends.map(|end| end as usize);
+        let rest_length = solver.position(ends[0]).distance(solver.position(ends[1]));
+        solver.add_spring(ends, bevy_mass_spring::solver::Spring { rest_length, ..parameters }).unwrap();
+    }
+    let triangles: Vec<[u32; 3]> = cloth.triangles.iter().map(|corners| corners.map(number)).collect();
+    let listed: Vec<[usize; 3]> =
+        triangles.iter().map(|corners| corners.map(|corner| corner as usize)).collect();
+    solver.add_collision_triangles(&listed, &[]).unwrap();
+    let shapes = shapes(&triangles);
+    assert_eq!(shapes.crossings(&positions(&solver)), 0);
+    let settings = settings(integrator);
+    let ticks = (seconds / settings.time_step) as u32;
+    for tick in 1..=ticks {
+        let angle = turns * TAU * tick as f32 / ticks as f32;
+        for (line, sign) in [(0, 0.5), (along, -0.5)] {
+            for column in 0..around {
+                let turned = Quat::from_rotation_y(sign * angle) * place(column, line);
+                // The twisted tube is shorter.
+                let pulled = 0.25 * sign * tick as f32 / ticks as f32;
+                solver.move_pinned((line * around + column) as usize, turned + pulled * Vec3::Y);
+            }
+        }
+        solver.step(&settings);
+        if tick % looks == 0 || tick == ticks {
+            let places = positions(&solver);
+            assert!(places.iter().all(|place| place.is_finite()), "tick {tick}");
+            assert_eq!(shapes.crossings(&places), 0, "{integrator}, tick {tick} of {ticks}");
+        }
+    }
+    assert!(solver.outputs().contact_count > 10);
+}
+
+#[test]
+fn a_twisted_tube_does_not_cross_itself() {
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler] {
+        twist(integrator, [24, 30], 2.0, 1.0, 8);
+    }
+}
