@@ -301,6 +301,7 @@ impl Caches {
             settings,
             memory: contacts,
             elapsed: step_end as f32 / plan.substeps as f32,
+            covered: self.surfaces.covered(),
         };
         if let Some(position) = position {
             let acceleration = &mut scratch.acceleration;

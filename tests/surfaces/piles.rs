@@ -50,7 +50,7 @@ fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
         most = most.max(solver.outputs().contact_count);
         if tick % looks == 0 || tick + 1 == ticks {
             let places = positions(&solver);
-            assert!(places.iter().all(|place| place.is_finite() && place.length() < 3.0), "tick {tick}");
+            assert!(places.iter().all(|place| place.is_finite() && place.length() < 3.0), "{integrator}, tick {tick}");
             assert_eq!(shapes.crossings(&places), 0, "{integrator}, tick {tick}");
         }
     }

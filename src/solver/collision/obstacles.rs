@@ -14,6 +14,8 @@ pub(in crate::solver) struct Surroundings<'a> {
     pub memory: &'a ContactMemory,
     /// The fraction of the tick that has passed at the end of the step.
     pub elapsed: f32,
+    /// Whether each particle is no sphere of its own; empty if all are.
+    pub covered: &'a [bool],
 }
 
 /// Something solid that nothing in the step can move.

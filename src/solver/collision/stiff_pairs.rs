@@ -39,7 +39,9 @@ impl StiffPairs {
         found: &mut Vec<StiffPair>,
     ) {
         let Self { grid, exclusions, near, entangled } = self;
-        let spheres = slots.filter(|slot| particles.radius()[*slot] > 0.0).map(|slot| {
+        let covered = surroundings.covered;
+        let is_sphere = |slot: usize| particles.radius()[slot] > 0.0 && covered.get(slot) != Some(&true);
+        let spheres = slots.filter(|slot| is_sphere(*slot)).map(|slot| {
             let (start, end) = (start.get(slot), particles.position.get(slot));
             (slot as u32, start.midpoint(end), particles.radius()[slot] + 0.5 * start.distance(end))
         });

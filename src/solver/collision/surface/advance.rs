@@ -97,7 +97,8 @@ impl Advance {
             let ways = candidate.ways(moving);
             let apart = ways.closest(0.0).apart;
             let distance = apart.length();
-            if !(distance > COINCIDENT * candidate.reach) || distance - ways.relative_way() > least {
+            // Also what moves together now may not, once one of its particles is stopped.
+            if !(distance > COINCIDENT * candidate.reach) {
                 continue;
             }
             let (direction, least) = (apart / distance, least.min(KEPT_PART * distance));

@@ -2,7 +2,7 @@
 //!
 //! Ericson, *Real-time collision detection* (2005), sections 5.1.2, 5.1.5 and 5.1.9.
 
-use bevy::math::Vec3A;
+use bevy::math::{DVec3, Vec3A};
 
 use super::pair::Kind;
 
@@ -15,35 +15,36 @@ pub(super) struct Closest {
     pub weights: [f32; 4],
 }
 
-/// The closest points of a pair of this `kind` with these corners.
+/// The closest points of a pair of this `kind` with these corners. In f64: triangles may be stretched to slivers.
 pub(super) fn closest(kind: Kind, corners: &[Vec3A; 4]) -> Closest {
-    let [p, a, b, c] = *corners;
-    match kind {
+    // From a corner, so that the rest is exact.
+    let [a, b, c] = [1, 2, 3].map(|corner| (corners[corner] - corners[0]).as_dvec3());
+    let (apart, weights) = match kind {
         Kind::VertexFace => {
-            let weights = on_triangle(p, [a, b, c]);
-            let apart = (p - a) - weights[1] * (b - a) - weights[2] * (c - a);
-            Closest { apart, weights: [1.0, weights[0], weights[1], weights[2]] }
+            let [u, v, w] = on_triangle(DVec3::ZERO, [a, b, c]);
+            (-(u * a + v * b + w * c), [1.0, u, v, w])
         }
         Kind::EdgeEdge => {
-            let [s, t] = on_edges([p, a], [b, c]);
-            Closest { apart: (p - b) + s * (a - p) - t * (c - b), weights: [1.0 - s, s, 1.0 - t, t] }
+            let [s, t] = on_edges([DVec3::ZERO, a], [b, c]);
+            (s * a - b.lerp(c, t), [1.0 - s, s, 1.0 - t, t])
         }
         Kind::VertexEdge => {
-            let t = on_edge(p, [a, b]);
-            Closest { apart: (p - a) - t * (b - a), weights: [1.0, 1.0 - t, t, 0.0] }
+            let t = on_edge(DVec3::ZERO, [a, b]);
+            (-a.lerp(b, t), [1.0, 1.0 - t, t, 0.0])
         }
-    }
+    };
+    Closest { apart: apart.as_vec3a(), weights: weights.map(|weight| weight as f32) }
 }
 
 /// Where on an edge it is closest to a point: 0 to 1.
-fn on_edge(point: Vec3A, [a, b]: [Vec3A; 2]) -> f32 {
+fn on_edge(point: DVec3, [a, b]: [DVec3; 2]) -> f64 {
     let along = b - a;
     let length = along.length_squared();
     if length > 0.0 { ((point - a).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// The barycentric coordinates of the point of a triangle that is closest to a point.
-fn on_triangle(point: Vec3A, [a, b, c]: [Vec3A; 3]) -> [f32; 3] {
+fn on_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -85,7 +86,7 @@ fn on_triangle(point: Vec3A, [a, b, c]: [Vec3A; 3]) -> [f32; 3] {
 }
 
 /// Where two edges are closest to each other: 0 to 1 along each.
-fn on_edges([p1, q1]: [Vec3A; 2], [p2, q2]: [Vec3A; 2]) -> [f32; 2] {
+fn on_edges([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> [f64; 2] {
     let (d1, d2, r) = (q1 - p1, q2 - p2, p1 - p2);
     let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
     if a == 0.0 {
@@ -98,7 +99,7 @@ fn on_edges([p1, q1]: [Vec3A; 2], [p2, q2]: [Vec3A; 2]) -> [f32; 2] {
     let b = d1.dot(d2);
     let denominator = a * e - b * b;
     // Of edges that are parallel, to rounding, any point will do for a start.
-    let s = if denominator > 1e-6 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.5 };
+    let s = if denominator > 1e-12 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.5 };
     let t = (b * s + f) / e;
     let clamped = t.clamp(0.0, 1.0);
     // Also where it was not clamped: parallel ones get their best s.

@@ -120,7 +120,7 @@ impl Search {
 
     /// Whether each vertex is in its boxes.
     fn still_holds(&mut self, primitives: &Primitives, moving: Moving) -> bool {
-        let forest = &primitives.forest;
+        let (forest, radius) = (&primitives.forest, moving.particles.radius());
         for (number, body) in forest.bodies.iter().enumerate() {
             let drift = self.drift(primitives, number, moving);
             let mut all = Box3::NOTHING;
@@ -130,8 +130,8 @@ impl Search {
                     // It is in no box, and leaves the simulation.
                     continue;
                 }
-                let within = &self.within[slot];
-                if !(within.contains(ends[0] - drift[0]) && within.contains(ends[1] - drift[1])) {
+                let (within, reach) = (&self.within[slot], radius[slot]);
+                if !(within.contains(ends[0] - drift[0], reach) && within.contains(ends[1] - drift[1], reach)) {
                     return false;
                 }
                 let origin = Vec3A::from(self.origins.get(slot));
@@ -141,18 +141,17 @@ impl Search {
                 self.moved[0][slot] = moved([ends[0] - drift[0], ends[1] - drift[1]]);
                 if self.has_partner[number] {
                     let world = &self.world[slot];
-                    if !(world.contains(ends[0]) && world.contains(ends[1])) {
+                    if !(world.contains(ends[0], reach) && world.contains(ends[1], reach)) {
                         return false;
                     }
                     self.moved[1][slot] = moved(ends);
                 } else {
-                    let reach = moving.particles.radius()[slot];
                     all.least = all.least.min(ends[0].min(ends[1]) - reach);
                     all.most = all.most.max(ends[0].max(ends[1]) + reach);
                 }
             }
             let own = &self.body_boxes[number];
-            if !self.has_partner[number] && !(own.contains(all.least) && own.contains(all.most)) {
+            if !self.has_partner[number] && !(own.contains(all.least, 0.0) && own.contains(all.most, 0.0)) {
                 return false;
             }
         }
@@ -161,7 +160,7 @@ impl Search {
             if !(ends[0] + ends[1]).is_finite() {
                 continue;
             }
-            if !(world.contains(ends[0]) && world.contains(ends[1])) {
+            if !(world.contains(ends[0], radius[slot]) && world.contains(ends[1], radius[slot])) {
                 return false;
             }
             let origin = Vec3A::from(self.origins.get(slot));

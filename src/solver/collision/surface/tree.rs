@@ -38,8 +38,8 @@ impl Box3 {
     }
 
     #[inline(always)]
-    pub fn contains(&self, point: Vec3A) -> bool {
-        (self.least.cmple(point) & point.cmple(self.most)).all()
+    pub fn contains(&self, point: Vec3A, radius: f32) -> bool {
+        (self.least.cmple(point - radius) & (point + radius).cmple(self.most)).all()
     }
 }
 
