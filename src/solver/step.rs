@@ -175,7 +175,7 @@ impl Caches {
 
     /// Stops what would pass through something; `have_touched` says whether surfaces have.
     fn stop_crossings(&mut self, state: &mut State, have_touched: bool) {
-        let have_stopped = self.surfaces.stop_crossings(&mut state.particles);
+        let have_stopped = self.surfaces.stop_crossings(&mut state.particles, self.contacts.implicit());
         if have_touched || have_stopped {
             self.scratch.disturb();
             if !state.pulls.is_empty() {

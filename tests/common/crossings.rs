@@ -183,8 +183,8 @@ fn the_counter_counts() {
             Vec3::new(0.1, 0.0, z + 1.0),
         ]
     };
-    let shapes = Shapes::of_triangles(vec![[0, 1, 2]])
-        .and(Shapes { edges: vec![[3, 4]], ..Shapes::default() });
+    let shapes =
+        Shapes::of_triangles(vec![[0, 1, 2]]).and(Shapes { edges: vec![[3, 4]], ..Shapes::default() });
     assert_eq!([0.5, -0.5, -1.5].map(|z| shapes.crossings(&places(z))), [0, 1, 0]);
     assert_eq!(shapes.passings(&places(0.5), &places(-0.5)), 1, "an end goes through");
     assert_eq!(shapes.passings(&places(0.5), &places(0.1)), 0);

@@ -13,7 +13,7 @@ fn settings(integrator: Integrator) -> StepSettings {
     StepSettings {
         integrator,
         substeps: match integrator {
-            Integrator::ImplicitEuler => SubstepMode::Fixed(1),
+            Integrator::ImplicitEuler => SubstepMode::Fixed(4),
             Integrator::Xpbd => SubstepMode::Fixed(8),
             _ => SubstepMode::Auto,
         },
@@ -50,7 +50,10 @@ fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
         most = most.max(solver.outputs().contact_count);
         if tick % looks == 0 || tick + 1 == ticks {
             let places = positions(&solver);
-            assert!(places.iter().all(|place| place.is_finite() && place.length() < 3.0), "{integrator}, tick {tick}");
+            assert!(
+                places.iter().all(|place| place.is_finite() && place.length() < 3.0),
+                "{integrator}, tick {tick}"
+            );
             assert_eq!(shapes.crossings(&places), 0, "{integrator}, tick {tick}");
         }
     }
@@ -59,7 +62,7 @@ fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
 
 #[test]
 fn a_cloth_falls_in_a_heap_without_a_crossing() {
-    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler] {
+    for integrator in [Integrator::ImplicitEuler, Integrator::SemiImplicitEuler, Integrator::Xpbd] {
         fall_in_a_heap(integrator, 20, 240, 4);
     }
 }

@@ -244,8 +244,7 @@ impl Candidates {
             }
         }
         memory.searched.clear();
-        let is_sphere =
-            |(slot, radius): (usize, &f32)| *radius > 0.0 && !exclusions.is_covered(slot);
+        let is_sphere = |(slot, radius): (usize, &f32)| *radius > 0.0 && !exclusions.is_covered(slot);
         memory.searched.extend(particles.radius().iter().enumerate().map(is_sphere));
     }
 }

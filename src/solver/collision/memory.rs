@@ -56,7 +56,8 @@ impl ContactMemory {
     /// are not `covered`.
     pub(super) fn check_spheres(&mut self, radius: &[f32], covered: &[bool]) {
         let is_sphere = |slot: usize| radius[slot] > 0.0 && covered.get(slot) != Some(&true);
-        let has_changed = |(slot, searched): (usize, &bool)| slot >= radius.len() || is_sphere(slot) != *searched;
+        let has_changed =
+            |(slot, searched): (usize, &bool)| slot >= radius.len() || is_sphere(slot) != *searched;
         if self.broad_phase.is_some() && self.searched.iter().enumerate().any(has_changed) {
             self.request_search();
         }

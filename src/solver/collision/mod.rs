@@ -171,6 +171,11 @@ impl ContactCaches {
         }
     }
 
+    /// Whether the particle in each slot is in an island that an implicit scheme advances; empty where it advances none.
+    pub fn implicit(&self) -> &[bool] {
+        &self.is_implicit
+    }
+
     /// Keeps the positions from which friction measures how far particles slipped, if anything may touch.
     pub fn begin_substep(
         &mut self,

@@ -74,7 +74,11 @@ impl Candidate {
     /// The ways of the corners in the substep.
     pub fn ways(&self, moving: Moving) -> Ways {
         let ends = self.slots.map(|slot| moving.ends(slot as usize));
-        Ways { kind: self.kind, start: ends.map(|[start, _]| start), way: ends.map(|[start, end]| end - start) }
+        Ways {
+            kind: self.kind,
+            start: ends.map(|[start, _]| start),
+            way: ends.map(|[start, end]| end - start),
+        }
     }
 
     /// Whether the pair is the one that counts at the closest points with these weights: a corner belongs to several edges

@@ -125,13 +125,8 @@ impl Surfaces {
         let moving = Moving { start: &self.start, particles };
         self.search.ensure(&self.primitives, moving, rebound.slop);
         let Self { contacts, search, primitives, .. } = self;
-        let examination = Examination {
-            moving,
-            acceleration,
-            rebound,
-            moved: &search.moved,
-            on_mesh: &primitives.on_mesh,
-        };
+        let examination =
+            Examination { moving, acceleration, rebound, moved: &search.moved, on_mesh: &primitives.on_mesh };
         contacts.extend(search.candidates.iter().filter_map(|pair| examination.contact(pair)));
         if contacts.is_empty() {
             return false;
@@ -150,14 +145,14 @@ impl Surfaces {
     }
 
     /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
-    pub fn stop_crossings(&mut self, particles: &mut Particles) -> bool {
+    pub fn stop_crossings(&mut self, particles: &mut Particles, is_implicit: &[bool]) -> bool {
         self.advance.clear();
         if !self.is_active {
             return false;
         }
         let moving = Moving { start: &self.start, particles };
         self.search.ensure(&self.primitives, moving, 0.0);
-        self.advance.stop(&self.search, &self.start, particles)
+        self.advance.stop(&self.search, (&self.primitives.forest, is_implicit), &self.start, particles)
     }
 
     /// Copies the particles that touch something, and gives the contacts their places.

@@ -84,8 +84,7 @@ impl Primitives {
         };
         let edges: Vec<([u32; 2], f32)> =
             mesh.present_edges(elements, self.with_springs).filter(|(ends, _)| is_thick(ends)).collect();
-        let triangles: Vec<[u32; 3]> =
-            mesh.present_triangles().filter(|corners| is_thick(corners)).collect();
+        let triangles: Vec<[u32; 3]> = mesh.present_triangles().filter(|corners| is_thick(corners)).collect();
         self.on_mesh.clear();
         self.on_mesh.resize(count, false);
         let corners = edges.iter().flat_map(|(ends, _)| ends).chain(triangles.as_flattened());
@@ -93,7 +92,10 @@ impl Primitives {
         self.any = self.on_mesh.contains(&true);
         self.covered.clear();
         self.covered.extend(
-            self.on_mesh.iter().enumerate().map(|(slot, on_mesh)| *on_mesh || self.any && mesh.is_inner(slot)),
+            self.on_mesh
+                .iter()
+                .enumerate()
+                .map(|(slot, on_mesh)| *on_mesh || self.any && mesh.is_inner(slot)),
         );
         self.balls.clear();
         let is_ball = |slot: &u32| radius[*slot as usize] > 0.0 && !self.covered[*slot as usize];
@@ -115,11 +117,7 @@ impl Primitives {
 }
 
 /// The triangles with their edges, and the edges that belong to none.
-fn items(
-    edges: impl Iterator<Item = [u32; 2]>,
-    triangles: &[[u32; 3]],
-    count: usize,
-) -> Vec<Item> {
+fn items(edges: impl Iterator<Item = [u32; 2]>, triangles: &[[u32; 3]], count: usize) -> Vec<Item> {
     let mut seen = vec![false; count];
     let mut first_at = |slot: u32| !std::mem::replace(&mut seen[slot as usize], true);
     let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());

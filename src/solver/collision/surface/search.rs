@@ -131,7 +131,8 @@ impl Search {
                     continue;
                 }
                 let (within, reach) = (&self.within[slot], radius[slot]);
-                if !(within.contains(ends[0] - drift[0], reach) && within.contains(ends[1] - drift[1], reach)) {
+                if !(within.contains(ends[0] - drift[0], reach) && within.contains(ends[1] - drift[1], reach))
+                {
                     return false;
                 }
                 let origin = Vec3A::from(self.origins.get(slot));
@@ -438,9 +439,8 @@ impl Finder<'_> {
             return;
         }
         let sides = kind.first_side();
-        let largest = |of: &[f32], slots: &[u32]| {
-            slots.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max)
-        };
+        let largest =
+            |of: &[f32], slots: &[u32]| slots.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max);
         let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
         let reach = of_both(particles.radius());
         let corners = slots.map(|slot| Vec3A::from(self.moving.start.get(slot as usize)));

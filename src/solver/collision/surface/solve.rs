@@ -44,7 +44,12 @@ fn combine(contact: &Contact, bodies: &[Touching], of: impl Fn(&Touching) -> Vec
 
 /// Gives the particles their shares of an impulse.
 #[inline(always)]
-fn apply(contact: &Contact, bodies: &mut [Touching], impulse: Vec3A, to: impl Fn(&mut Touching) -> &mut Vec3A) {
+fn apply(
+    contact: &Contact,
+    bodies: &mut [Touching],
+    impulse: Vec3A,
+    to: impl Fn(&mut Touching) -> &mut Vec3A,
+) {
     for (place, weight) in contact.places.into_iter().zip(contact.weights) {
         let body = &mut bodies[place as usize];
         let change = impulse * (weight * body.inverse_mass);
@@ -70,7 +75,12 @@ pub(super) fn solve_velocities(
     }
 }
 
-fn correct_velocity(contact: &mut Contact, bodies: &mut [Touching], rules: PairRules, tolerance: f32) -> bool {
+fn correct_velocity(
+    contact: &mut Contact,
+    bodies: &mut [Touching],
+    rules: PairRules,
+    tolerance: f32,
+) -> bool {
     let relative = combine(contact, bodies, |body| body.velocity);
     let missing = contact.target_velocity - relative.dot(contact.normal);
     if missing <= 0.0 && contact.impulse == 0.0 {

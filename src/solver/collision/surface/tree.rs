@@ -170,7 +170,12 @@ impl Forest {
         }
         let ends = [self.vertices.len(), self.edges.len(), self.triangles.len(), self.corners.len()];
         let range = |kind: usize| starts[kind] as u32..ends[kind] as u32;
-        self.clusters.push(Cluster { vertices: range(0), edges: range(1), triangles: range(2), corners: range(3) });
+        self.clusters.push(Cluster {
+            vertices: range(0),
+            edges: range(1),
+            triangles: range(2),
+            corners: range(3),
+        });
     }
 
     /// The slots of the vertices of a body.
