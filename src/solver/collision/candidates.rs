@@ -31,7 +31,6 @@ pub(super) struct Candidates {
     /// The found pairs of slots.
     found: Vec<(u32, u32)>,
     pub exclusions: Exclusions,
-    /// Whether each particle is no sphere of its own; empty if all are.
     pub covered: Vec<bool>,
     chain_search: ChainSearch,
     /// Whether the free chains of the last search were so in this substep.
@@ -196,8 +195,7 @@ impl Candidates {
 
     /// Divides the found pairs into groups, and lists those of each from the bottom up.
     fn sort_bottom_up(&mut self, broad_phase: &BroadPhase, radius: &[f32]) {
-        let Self { list, found, regions, groups, .. } = self;
-        let BroadPhase { origins, up, .. } = broad_phase;
+        let (Self { list, found, regions, groups, .. }, BroadPhase { origins, up, .. }) = (self, broad_phase);
         regions.divide(origins, radius, *up);
         list.arrange(found, regions, groups, (origins, *up));
     }

@@ -236,7 +236,7 @@ mod tests {
                 elements
                     .push([slot - 1, slot], Spring { rest_length: 0.1, stiffness: 1.0, ..Spring::default() });
             }
-            exclusions.rebuild(&particles, &elements);
+            exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
             let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
             ChainSearch::default().find(&particles, &exclusions, &skins, durations, &mut free);

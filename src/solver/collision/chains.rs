@@ -220,7 +220,7 @@ pub(super) mod tests {
             }
         }
         let mut exclusions = Exclusions::default();
-        exclusions.rebuild(&particles, &elements);
+        exclusions.rebuild(&particles, &elements, &[]);
         (particles, exclusions)
     }
 

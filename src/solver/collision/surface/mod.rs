@@ -27,6 +27,7 @@
 mod advance;
 mod closest;
 mod contact;
+mod finder;
 mod near;
 mod pair;
 mod primitives;
