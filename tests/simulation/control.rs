@@ -56,6 +56,7 @@ fn collisions_are_switched_off_and_on_without_losing_their_values() {
     app.insert_resource(CollisionSettings {
         ground: false,
         particles: false,
+        springs: false,
         restitution: 1.0,
         friction: 0.0,
     });

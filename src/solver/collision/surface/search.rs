@@ -10,7 +10,7 @@ use bevy::math::Vec3A;
 use super::finder::Finder;
 use super::pair::Kind;
 use super::primitives::Primitives;
-use super::tree::Box3;
+use super::tree::{Box3, MeshBody};
 use crate::solver::particles::{Particles, Vectors};
 
 /// The skin of a slow vertex, as a part of its radius.
@@ -18,6 +18,11 @@ const SKIN: f32 = 0.6;
 
 /// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
 const FAST_SKIN: [f32; 2] = [2.0, 6.0];
+
+/// Number of substeps, as the one of the search, for which a body is to stay in its box; and how much larger on all sides the
+/// box is, as a part of the body.
+const BODY_SUBSTEPS: f32 = 16.0;
+const BODY_ROOM: f32 = 0.1;
 
 /// Rounding, as a part of a coordinate.
 const ROUNDING: f32 = 4e-7;
@@ -184,7 +189,8 @@ impl Search {
         for body in &forest.bodies {
             forest.fit(body, &self.within, &mut self.node_within);
             forest.fit(body, &self.world, &mut self.node_world);
-            self.body_boxes.push(self.node_world[body.nodes.start as usize]);
+            let tight = self.node_world[body.nodes.start as usize];
+            self.body_boxes.push(self.roomy(tight, primitives, body, moving));
         }
         self.has_partner.clear();
         self.has_partner.resize(forest.bodies.len(), false);
@@ -238,6 +244,18 @@ impl Search {
         if !self.is_complete {
             self.candidates.clear();
         }
+    }
+
+    /// The box of a body, with room for some substeps: while it overlaps no other one, that is all that is to be checked of
+    /// where the body is in the world.
+    fn roomy(&self, tight: Box3, primitives: &Primitives, body: &MeshBody, moving: Moving) -> Box3 {
+        let vertices = primitives.forest.vertices_of(body);
+        let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
+        let end = Primitives::mean(vertices, |slot| moving.particles.position.get(slot));
+        let way = BODY_SUBSTEPS * Vec3A::from(end - start);
+        let room = BODY_ROOM * (tight.most - tight.least);
+        let (least, most) = (tight.least - room, tight.most + room);
+        Box3 { least: least.min(least + way), most: most.max(most + way) }
     }
 
     /// Gives the vertices their boxes.
