@@ -12,7 +12,7 @@ use bevy::gizmos::GizmoPlugin;
 use bevy::prelude::*;
 use bevy::transform::TransformSystems;
 
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::particle::{Particle, Pinned};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
@@ -170,7 +170,10 @@ fn length([first, second]: [Vec3; 2], is_flat: bool) -> f32 {
     if is_flat { first.truncate().distance(second.truncate()) } else { first.distance(second) }
 }
 
-fn draw_planes(mut gizmos: Gizmos<MassSpringGizmos>, planes: Query<&GlobalTransform, With<PlaneCollider>>) {
+fn draw_planes(
+    mut gizmos: Gizmos<MassSpringGizmos>,
+    planes: Query<&GlobalTransform, With<ParticleCollider>>,
+) {
     if !gizmos.config_ext.planes {
         return;
     }

@@ -14,7 +14,7 @@
 //!     let anchor = commands.spawn((Particle::new(1.0, 0.1), Pinned, Transform::from_xyz(0.0, 3.0, 0.0))).id();
 //!     let bob = commands.spawn((Particle::new(1.0, 0.1), Transform::from_xyz(0.0, 2.0, 0.0))).id();
 //!     commands.spawn(Spring::new(anchor, bob, 1.0).with_stiffness(200.0).with_damping(2.0));
-//!     commands.spawn(PlaneCollider::default()); // the ground, y = 0
+//!     commands.spawn(ParticleCollider::default()); // the ground, y = 0
 //! });
 //! # app.update();
 //! ```
@@ -76,7 +76,10 @@ pub mod prelude {
     #[cfg(feature = "interpolation")]
     pub use crate::MassSpringInterpolationPlugin;
     pub use crate::bend::Bend;
-    pub use crate::collider::{CollisionSettings, Contact, PlaneCollider};
+    pub use crate::collider::{
+        ColliderShape, CollisionSettings, CombineRule, Contact, ContactLayers, ContactMaterial,
+        ParticleCollider,
+    };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
     pub use crate::drag::ParticleDragPlugin;

@@ -4,7 +4,7 @@
 //! [`MassSpringScene::from_ron`], which refuse bad values with a [`SceneError`] that says where they
 //! stand; or it is loaded as a Bevy asset and spawned by a [`MassSpringSceneRoot`]. Either way it
 //! becomes ordinary entities with [`Particle`](crate::Particle), [`Spring`](crate::Spring),
-//! [`PlaneCollider`](crate::PlaneCollider) and [`ParticleNet`](crate::ParticleNet): this module is independent of the
+//! [`ParticleCollider`](crate::ParticleCollider) and [`ParticleNet`](crate::ParticleNet): this module is independent of the
 //! solver.
 //!
 //! ```

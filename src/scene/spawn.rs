@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use super::description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSpring};
 use super::recipes::SceneLayout;
 use crate::bend::Bend;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::{Part, PartOf};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::SolverSettings;
@@ -178,7 +178,7 @@ impl ScenePlane {
         // In f64: the f32 version takes slopes under 0.04° for none.
         let rotation = DQuat::from_rotation_arc(DVec3::Y, normal).as_quat();
         (
-            PlaneCollider { restitution: self.restitution, friction: self.friction },
+            ParticleCollider::half_space().with_restitution(self.restitution).with_friction(self.friction),
             Transform::from_translation(self.point).with_rotation(rotation),
         )
     }

@@ -198,8 +198,8 @@ pub struct StepSettings {
     pub air_density: f32,
     /// How the wind varies in place and time; `None`: it does not. Default `None`.
     pub gusts: Option<Gusts>,
-    /// Whether particles collide with planes. Default true.
-    pub collide_with_planes: bool,
+    /// Whether particles collide with colliders. Default true.
+    pub collide_with_colliders: bool,
     /// How particles collide with each other; `None`: not at all. Default `None`.
     pub pair_rules: Option<PairRules>,
     /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
@@ -218,7 +218,7 @@ impl Default for StepSettings {
             wind: Vec3::ZERO,
             air_density: 0.0,
             gusts: None,
-            collide_with_planes: true,
+            collide_with_colliders: true,
             pair_rules: None,
             collide_springs: false,
         }

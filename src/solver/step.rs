@@ -1,7 +1,7 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::air::Air;
-use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
+use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surroundings};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
@@ -12,13 +12,15 @@ use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
 
-/// What moves the particles and planes in a tick, apart from the physics.
+/// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
     /// Where each pinned particle goes; one that is not listed moves at its velocity.
     pub pinned: Vec<PinnedMotion>,
-    /// The planes.
-    pub planes: Vec<Plane>,
+    /// The colliders.
+    pub colliders: Vec<Collider>,
+    /// The surfaces of particles by slot; of those beyond its end as of any.
+    pub skins: Vec<Skin>,
 }
 
 /// All that is derived from the state, and working memory. New ones give the same results.
@@ -63,9 +65,15 @@ pub(crate) fn step(
         part_coincident(&state.elements, &mut state.particles, settings.gravity);
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
+    caches.contacts.begin_tick(&inputs.colliders, settings);
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
-        caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
+        caches.contacts.begin_substep(
+            &state.contacts,
+            &state.particles.position,
+            &inputs.colliders,
+            settings,
+        );
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         caches.advance(state, inputs, settings, pinned, plan, (index, duration));
@@ -79,7 +87,8 @@ pub(crate) fn step(
         }
         let substep = Substep {
             elements: &state.elements,
-            planes: &inputs.planes,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
             acceleration: &caches.scratch.acceleration,
             settings,
             integrator: plan.integrator,
@@ -280,7 +289,8 @@ impl Caches {
             None => index + 1,
         };
         let surroundings = Surroundings {
-            planes: &inputs.planes,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
             settings,
             memory: contacts,
             elapsed: step_end as f32 / plan.substeps as f32,

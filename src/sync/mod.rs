@@ -13,17 +13,18 @@
 
 mod adopt;
 mod bends;
+mod colliders;
 mod easing;
 mod gather;
 mod hierarchy;
 mod nets;
-mod planes;
 mod records;
 mod registry;
 mod relocate;
 mod rigid;
 mod run;
 mod scatter;
+mod skins;
 mod slots;
 mod snapshot;
 mod springs;
@@ -72,7 +73,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .init_resource::<state::Warnings>()
         .init_resource::<snapshot::InitialState>()
         .init_resource::<gather::Gathered>()
-        .init_resource::<planes::GatheredPlanes>()
+        .init_resource::<colliders::GatheredColliders>()
         .init_resource::<nets::GatheredNets>();
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
@@ -94,9 +95,9 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(state::mark_outdated::<Add, Disabled>)
         .add_observer(state::mark_outdated::<Remove, Disabled>)
         .add_observer(state::mark_outdated::<Insert, SimulationOrder>)
-        .add_observer(planes::register_plane)
-        .add_observer(planes::sort_planes)
-        .add_observer(planes::unregister_plane)
+        .add_observer(colliders::register_collider)
+        .add_observer(colliders::sort_colliders)
+        .add_observer(colliders::unregister_collider)
         .add_observer(nets::register_net)
         .add_observer(nets::mark_replaced)
         .add_observer(nets::unregister_net)

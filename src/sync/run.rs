@@ -107,7 +107,7 @@ impl Configuration<'_, '_> {
             wind: environment.wind,
             air_density: environment.effective_air_density(),
             gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
-            collide_with_planes: ground,
+            collide_with_colliders: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
             collide_springs: springs,
         }

@@ -18,10 +18,10 @@ use crate::solver::{self, ContactPartner, ContactRecord, Outputs, parallel};
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::colliders::GatheredColliders;
 use super::gather::{Gathered, MIN_SHARED, ROWS};
 use super::hierarchy::world_transform;
 use super::nets::GatheredNets;
-use super::planes::GatheredPlanes;
 use super::registry::Slot;
 use super::state::MassSpringState;
 use super::view::View;
@@ -46,7 +46,7 @@ pub(super) fn scatter(
     simulation: Res<Simulation>,
     state: Res<MassSpringState>,
     mut gathered: ResMut<Gathered>,
-    (planes, nets): (Res<GatheredPlanes>, Res<GatheredNets>),
+    (colliders, nets): (Res<GatheredColliders>, Res<GatheredNets>),
     mut queries: ParticleQueries,
     parents: Query<&ChildOf, Allow<Disabled>>,
     dimensions: Res<Dimensions>,
@@ -59,7 +59,7 @@ pub(super) fn scatter(
     publications.report_faults(&state, &mut gathered.faults, &mut report);
     publications.report_failures(&state, &nets, &simulation.outputs, &mut report);
     if let Some(messages) = &mut publications.contacts {
-        messages.write_batch(merged_contacts(&simulation.outputs, &state, &nets, &planes.0));
+        messages.write_batch(merged_contacts(&simulation.outputs, &state, &nets, &colliders.entities));
     }
     if let Some(forces) = &mut publications.forces {
         publish_forces(&simulation.outputs, &state, &nets, forces);
@@ -214,7 +214,7 @@ fn merged_contacts(
     outputs: &Outputs,
     state: &MassSpringState,
     nets: &GatheredNets,
-    planes: &[Entity],
+    colliders: &[Entity],
 ) -> Vec<Contact> {
     let mut records: Vec<&ContactRecord> = outputs.contacts.iter().collect();
     records.sort_by_key(|record| (record.slot, record.other));
@@ -227,7 +227,7 @@ fn merged_contacts(
                 Some((entity, nets.particle_at(state, entity, slot)))
             };
             let (other, other_index) = match last.other {
-                ContactPartner::Plane(plane) => (*planes.get(plane)?, None),
+                ContactPartner::Collider(collider) => (*colliders.get(collider)?, None),
                 ContactPartner::Particle(slot) => particle_in(slot)?,
             };
             let impulse = substeps.iter().map(|record| record.impulse).sum();

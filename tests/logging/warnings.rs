@@ -208,7 +208,7 @@ fn a_plane_that_cuts_no_line_into_two_dimensions_is_named_once() {
     let mut app = app();
     app.insert_resource(Dimensions::Two);
     let facing = Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
-    let wall = app.world_mut().spawn((PlaneCollider::default(), facing)).id();
+    let wall = app.world_mut().spawn((ParticleCollider::default(), facing)).id();
     run(&mut app, 3);
     assert_names(&logged.take_one(), wall, &["plane", "parallel"]);
     app.world_mut().get_mut::<Transform>(wall).unwrap().rotation = Quat::IDENTITY;
@@ -221,13 +221,14 @@ fn an_invalid_plane_is_named_once_and_holds_nothing() {
     let logged = Logged::start();
     let mut app = app();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
-    let ground = app.world_mut().spawn(PlaneCollider { restitution: 1.5, friction: 0.0 }).id();
+    let ground =
+        app.world_mut().spawn(ParticleCollider { restitution: 1.5, friction: 0.0, ..default() }).id();
     run(&mut app, 5);
     assert_names(&logged.take_one(), ground, &["plane", "restitution", "1.5"]);
     assert!(position(&app, ball).y < 0.1);
     place(&mut app, ball, Vec3::Y * 0.1);
     app.world_mut().get_mut::<ParticleVelocity>(ball).unwrap().0 = Vec3::ZERO;
-    app.world_mut().get_mut::<PlaneCollider>(ground).unwrap().restitution = 0.5;
+    app.world_mut().get_mut::<ParticleCollider>(ground).unwrap().restitution = 0.5;
     run(&mut app, 5);
     assert_eq!(position(&app, ball).y, 0.1);
     app.world_mut().get_mut::<Transform>(ground).unwrap().translation.y = f32::NAN;

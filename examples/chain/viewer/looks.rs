@@ -242,7 +242,11 @@ fn place_links(
     }
 }
 
-fn add_plane_looks(looks: Res<Looks>, planes: Query<Entity, Added<PlaneCollider>>, mut commands: Commands) {
+fn add_plane_looks(
+    looks: Res<Looks>,
+    planes: Query<Entity, Added<ParticleCollider>>,
+    mut commands: Commands,
+) {
     for plane in &planes {
         commands.entity(plane).insert_if_new(Visibility::default()).with_children(|parts| {
             parts.spawn((Mesh3d(looks.ground.clone()), MeshMaterial3d(looks.ground_material.clone())));

@@ -1,4 +1,4 @@
-//! Collisions: of particles with planes and with each other, after each substep.
+//! Collisions: of particles with colliders and with each other, after each substep.
 //!
 //! Every contact is answered in three steps: the particles are *projected* out of each other (the
 //! correction shared by mass), the approaching part of their velocity is removed, and given back with
@@ -8,24 +8,31 @@
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the
 //! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
 //! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
-//! `pairs.rs` and `plane.rs` the two kinds of contact.
+//! `pairs.rs`, `plane.rs` and `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are,
+//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` what touches them.
 
 mod bodies;
 mod broad_phase;
 mod candidates;
 mod chain_search;
 mod chains;
+mod collider;
 mod grid;
 mod list;
+mod material;
 mod memory;
 mod narrow;
 mod obstacles;
 mod pairs;
 mod plane;
+mod record;
 mod regions;
 mod response;
+mod shapes;
 mod stiff_pairs;
 mod sweep;
+mod touch;
+mod touch_search;
 
 use bevy::math::{Vec3, Vec3A};
 
@@ -35,14 +42,20 @@ use crate::solver::settings::{Integrator, PairRules, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
 use chains::Proof;
+pub use collider::Collider;
+use collider::Placed;
+pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
-pub use plane::{Plane, Pose};
+pub use plane::Pose;
 use plane::{PlaneContact, Surface};
+pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
+pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
 use sweep::Sweep;
+use touch_search::{Search, Touches};
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
@@ -62,30 +75,6 @@ const RECOVERY_RATE: f32 = 10.0;
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
 const JAMMING_CONTACTS: u32 = 3;
 
-/// A contact in one substep.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactRecord {
-    /// Slot of the particle that is pushed along the normal.
-    pub slot: usize,
-    /// What it touches.
-    pub other: ContactPartner,
-    /// Where, m.
-    pub point: Vec3,
-    /// Unit vector towards the particle.
-    pub normal: Vec3,
-    /// Normal impulse, N·s.
-    pub impulse: f32,
-}
-
-/// What a particle touches.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ContactPartner {
-    /// The plane of this index among those of the state.
-    Plane(usize),
-    /// The particle in this slot.
-    Particle(usize),
-}
-
 /// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one
 /// gives the same results.
 #[derive(Debug, Clone, Default)]
@@ -94,6 +83,8 @@ pub(super) struct ContactCaches {
     pair_contacts: PairContacts,
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
+    placed: Placed,
+    touches: Touches,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
@@ -110,7 +101,9 @@ pub(super) struct ContactCaches {
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
     pub elements: &'a Elements,
-    pub planes: &'a [Plane],
+    pub colliders: &'a [Collider],
+    /// The surfaces of particles by slot; of those beyond its end as of any.
+    pub skins: &'a [Skin],
     /// Of the last evaluation of the forces, m/s².
     pub acceleration: &'a Vectors,
     pub settings: &'a StepSettings,
@@ -123,6 +116,18 @@ pub(super) struct Substep<'a> {
 }
 
 impl Substep<'_> {
+    /// How pairs rebound.
+    fn rebound(&self) -> Rebound {
+        let Self { settings, integrator, duration, .. } = *self;
+        Rebound {
+            restitution: settings.pair_rules.unwrap_or_default().restitution,
+            substep: duration,
+            resting_speed: settings.gravity.length() * duration,
+            slop: settings.gravity.length() * duration * duration,
+            velocity_lag: integrator.velocity_lag(),
+        }
+    }
+
     /// The unit vector against gravity; zero where there is none.
     fn up(&self) -> Vec3 {
         -self.settings.gravity.normalize_or_zero()
@@ -132,13 +137,16 @@ impl Substep<'_> {
 impl ContactCaches {
     /// Touching pairs at the end of the last substep: of particles and of particles with planes.
     pub fn count(&self) -> usize {
-        self.pair_count() + self.plane_contacts.len()
+        self.pair_count() + self.plane_contacts.len() + self.touches.all.len()
     }
 
     /// Calls `visit` with the slots of the particles that touched something in the last substep, of some more than
     /// once.
     pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
         self.plane_contacts.iter().for_each(|contact| visit(contact.slot));
+        for touch in &self.touches.all {
+            touch.slots[..touch.count].iter().for_each(|slot| visit(*slot as usize));
+        }
         let slot_of = &self.candidates.regions.slot_of;
         for group in self.candidates.groups.iter() {
             for contact in self.pair_contacts.of(group) {
@@ -167,10 +175,10 @@ impl ContactCaches {
         &mut self,
         memory: &ContactMemory,
         positions: &Vectors,
-        planes: &[Plane],
+        colliders: &[Collider],
         settings: &StepSettings,
     ) {
-        let any_planes = settings.collide_with_planes && !planes.is_empty();
+        let any_planes = settings.collide_with_colliders && !colliders.is_empty();
         let any_pairs = settings.pair_rules.is_some() && !memory.nothing_has_a_skin(positions.len());
         self.has_previous = any_planes || any_pairs;
         if self.has_previous {
@@ -198,8 +206,12 @@ impl ContactCaches {
         records: Option<&mut Vec<ContactRecord>>,
     ) {
         self.have_moved = substep.settings.pair_rules.is_some() && self.sweep(memory, particles, substep);
+        self.find_touches(particles, substep, records.is_some());
         self.find(memory, particles, substep);
         if self.count() == 0 {
+            if let Some(records) = records {
+                self.record(particles, records);
+            }
             return;
         }
         self.have_moved = true;
@@ -213,6 +225,38 @@ impl ContactCaches {
         if let Some(records) = records {
             self.record(particles, records);
         }
+    }
+
+    /// To be called when a tick begins.
+    pub fn begin_tick(&mut self, colliders: &[Collider], settings: &StepSettings) {
+        let colliders = if settings.collide_with_colliders { colliders } else { &[] };
+        self.placed.begin_tick(colliders, settings.time_step);
+    }
+
+    /// Finds what touches colliders that are no half-spaces, and puts back what would have passed through one.
+    fn find_touches(&mut self, particles: &mut Particles, substep: Substep, senses: bool) {
+        let Self { placed, touches, previous, is_implicit, .. } = self;
+        let Substep { colliders, skins, acceleration, settings, duration, elapsed, .. } = substep;
+        if placed.is_empty() {
+            touches.clear();
+            return;
+        }
+        let before = elapsed - duration / settings.time_step;
+        placed.begin_substep(colliders, [before, elapsed], settings.time_step);
+        let rebound = substep.rebound();
+        let search = Search {
+            colliders,
+            placed,
+            particles,
+            previous,
+            acceleration,
+            skins,
+            is_implicit,
+            rebound,
+            senses,
+        };
+        touches.find(search);
+        touches.put_back(particles);
     }
 
     /// Whether contacts have moved any particle in the last substep.
@@ -262,15 +306,8 @@ impl ContactCaches {
     }
 
     fn find(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
-        let Substep { planes, acceleration, settings, integrator, duration, elapsed, .. } = substep;
-        let rules = settings.pair_rules.unwrap_or_default();
-        let rebound = Rebound {
-            restitution: rules.restitution,
-            substep: duration,
-            resting_speed: settings.gravity.length() * duration,
-            slop: settings.gravity.length() * duration * duration,
-            velocity_lag: integrator.velocity_lag(),
-        };
+        let Substep { colliders, acceleration, settings, skins, elapsed, .. } = substep;
+        let rebound = substep.rebound();
         let Self { candidates, pair_contacts, previous, .. } = self;
         if settings.pair_rules.is_some() {
             candidates.refresh(memory, pair_contacts, particles, previous, substep);
@@ -279,18 +316,22 @@ impl ContactCaches {
         }
         self.plane_contacts.clear();
         self.surfaces.clear();
-        if settings.collide_with_planes {
-            let body_of = &self.candidates.regions.body_of;
-            for (index, plane) in planes.iter().enumerate() {
-                let surface = plane.surface(elapsed, settings.time_step);
+        let body_of = &self.candidates.regions.body_of[..];
+        if settings.collide_with_colliders {
+            let is_implicit = &self.is_implicit[..];
+            let conditions = plane::Conditions { acceleration, rebound, skins, body_of, is_implicit };
+            let planes = colliders.iter().enumerate();
+            for (number, collider) in planes.filter(|(_, collider)| collider.is_plane()) {
+                let surface = collider.surface(elapsed, settings.time_step);
+                let numbers = [self.surfaces.len(), number];
                 let found = &mut self.plane_contacts;
-                let bodies = (&body_of[..], &self.is_implicit[..]);
-                plane::find(index, &surface, particles, acceleration, rebound, bodies, found);
+                plane::find(numbers, (collider, &surface), particles, conditions, found);
                 self.surfaces.push(surface);
             }
         }
+        self.touches.number_bodies(body_of);
         let any_pairs = !self.candidates.list.pairs.is_empty();
-        if any_pairs || !self.plane_contacts.is_empty() {
+        if any_pairs || !self.plane_contacts.is_empty() || !self.touches.all.is_empty() {
             let Candidates { regions, exclusions, .. } = &self.candidates;
             let marks = (exclusions, &self.is_implicit[..]);
             bodies::fill(&mut self.bodies, particles, &self.previous, regions, marks);
@@ -300,6 +341,11 @@ impl ContactCaches {
             for contact in &self.plane_contacts {
                 let body = &mut self.bodies[contact.body];
                 body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                body.holds += 1;
+            }
+            for touch in &self.touches.all {
+                let body = &mut self.bodies[touch.bodies[0] as usize];
+                body.supported |= touch.normal.dot(up) > 0.0;
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
@@ -334,6 +380,7 @@ impl ContactCaches {
         for contact in &mut self.plane_contacts {
             plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
         }
+        self.touches.all.iter_mut().for_each(|touch| touch.solve_velocity(&mut self.bodies));
     }
 
     /// Leaves a particle where it was that others hold from at least three sides, on the ground, and that
@@ -354,47 +401,14 @@ impl ContactCaches {
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, candidates, surfaces, bodies, .. } = self;
+        let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
         for _ in 0..POSITION_ITERATIONS {
             pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-        }
-    }
-
-    fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {
-        for contact in &self.plane_contacts {
-            let normal = Vec3::from(self.surfaces[contact.plane].normal);
-            records.push(ContactRecord {
-                slot: contact.slot,
-                other: ContactPartner::Plane(contact.plane),
-                point: particles.position.get(contact.slot) - normal * particles.radius()[contact.slot],
-                normal,
-                impulse: contact.impulse,
-            });
-        }
-        let slot_of = &self.candidates.regions.slot_of;
-        for group in self.candidates.groups.iter() {
-            let slot = |place: usize| slot_of[group.bodies.start + place] as usize;
-            for contact in self.pair_contacts.of(group) {
-                let (first, second) = (slot(contact.first()), slot(contact.second()));
-                // By slot, since the upper and the lower one may change places within a tick.
-                let (slot, other, normal) = if first < second {
-                    (first, second, contact.normal)
-                } else {
-                    (second, first, -contact.normal)
-                };
-                let normal = Vec3::from(normal);
-                records.push(ContactRecord {
-                    slot,
-                    other: ContactPartner::Particle(other),
-                    point: particles.position.get(slot) - normal * particles.radius()[slot],
-                    normal,
-                    impulse: contact.impulses.normal,
-                });
-            }
+            touches.all.iter().for_each(|touch| touch.solve_position(bodies, substep));
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::Linked;
 
 /// A particle that touches an obstacle or another particle, or may in this step.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Contact {
     pub node: usize,
     pub partner: Partner,
@@ -44,7 +44,7 @@ pub(super) struct Contact {
 }
 
 /// What a particle touches.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) enum Partner {
     Obstacle(Obstacle),
     /// Another node, which it is not to come closer to than `reach` m along `normal`.
@@ -87,10 +87,10 @@ impl Contact {
 
     /// The gap at these positions, m, and the direction towards the particle.
     fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
-        match self.partner {
+        match &self.partner {
             Partner::Obstacle(obstacle) => obstacle.gap(position[self.node], self.radius),
             Partner::Node { node, normal, reach } => {
-                ((position[self.node] - position[node]).dot(normal) - reach, normal)
+                ((position[self.node] - position[*node]).dot(*normal) - reach, *normal)
             }
         }
     }

@@ -213,7 +213,8 @@ impl ImplicitEuler {
 impl Island {
     /// Solves the equations of the step, which the system has begun.
     fn solve(&mut self, particles: &Particles, step: Step) {
-        let Step { obstacles, sprung, surroundings: Surroundings { memory, settings, .. }, h, .. } = step;
+        let Step { obstacles, sprung, surroundings, h, .. } = step;
+        let Surroundings { memory, settings, .. } = surroundings;
         let Self { elimination, system, newton, excluded, pairs, node_of, .. } = self;
         let filter = PairFilter { excluded, sprung, memory, families: particles.families() };
         let rules = settings.pair_rules.unwrap_or_default();
@@ -221,7 +222,7 @@ impl Island {
         loop {
             let System { start, flight, inertia, contacts, .. } = &mut *system;
             let motion = Motion { elimination, particles, start, flight, inertia, h };
-            contacts.begin(&motion, obstacles, &filter, reach);
+            contacts.begin(&motion, (obstacles, surroundings), &filter, reach);
             contacts.add_pairs(&motion, pairs, node_of, rules);
             loop {
                 let max_steps = system.contacts.max_steps();
@@ -290,7 +291,7 @@ impl Island {
         let context = step.context(elimination);
         let (memory, families) = (step.surroundings.memory, particles.families());
         let filter = PairFilter { excluded, sprung: step.sprung, memory, families };
-        if stages.enters_obstacle(system, context, particles, (step.obstacles, &filter))
+        if stages.enters_obstacle(system, context, particles, (step.obstacles, step.surroundings, &filter))
             || stages.gains_energy(system, context, particles)
         {
             return false;
