@@ -77,8 +77,8 @@ pub mod prelude {
     pub use crate::MassSpringInterpolationPlugin;
     pub use crate::bend::Bend;
     pub use crate::collider::{
-        ColliderShape, CollisionSettings, CombineRule, Contact, ContactLayers, ContactMaterial,
-        ParticleCollider,
+        ColliderMotion, ColliderShape, CollisionSettings, CombineRule, Contact, ContactLayers,
+        ContactMaterial, ParticleCollider,
     };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]

@@ -5,7 +5,9 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::{ColliderShape, CollisionSettings, ContactLayers, ContactMaterial, ParticleCollider};
+use crate::collider::{
+    ColliderMotion, ColliderShape, CollisionSettings, ContactLayers, ContactMaterial, ParticleCollider,
+};
 use crate::environment::Environment;
 use crate::nets::{
     self, Attachment, Balloon, Breaking, Cloth, Jelly, Part, PartOf, PartState, ParticleNet, Parts, Rope,
@@ -119,7 +121,7 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, ParticleCollider)>()
-        .register_type::<(ColliderShape, ContactLayers, ContactMaterial)>()
+        .register_type::<(ColliderMotion, ColliderShape, ContactLayers, ContactMaterial)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()

@@ -3,6 +3,7 @@
 mod build;
 mod contact;
 mod list;
+mod motion;
 mod primitives;
 mod settings;
 mod shape;
@@ -14,6 +15,8 @@ use crate::parameter::{self, InvalidParameter};
 pub use crate::solver::CombineRule;
 pub use contact::Contact;
 pub use list::SharedList;
+pub use motion::ColliderMotion;
+pub(crate) use motion::move_colliders;
 pub use settings::CollisionSettings;
 pub use shape::{ColliderPart, ColliderShape};
 

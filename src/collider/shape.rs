@@ -1,5 +1,6 @@
 //! What a collider looks like.
 
+use bevy::math::DVec3;
 use bevy::prelude::*;
 
 use super::list::SharedList;
@@ -85,6 +86,15 @@ pub enum ColliderShape {
         /// At least one.
         parts: SharedList<ColliderPart>,
     },
+}
+
+impl ColliderShape {
+    /// A function of how deep a ball is inside, m, negative outside: from a point in the axes of the shape and the radius,
+    /// m. `None` of a bad shape.
+    pub fn depth_meter(&self) -> Option<impl Fn(DVec3, f32) -> f64 + use<>> {
+        let shape = self.build(Vec3::ONE).ok()?;
+        Some(move |point, radius| shape.depth(point, radius))
+    }
 }
 
 #[cfg(feature = "serialize")]

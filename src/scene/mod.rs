@@ -1,4 +1,4 @@
-//! Scene files: particles, springs, bends, nets, planes and settings as RON text, `*.scene.ron`.
+//! Scene files: particles, springs, bends, nets, planes, colliders and settings as RON text, `*.scene.ron`.
 //!
 //! [`MassSpringScene`] is the file's content. It is read with [`MassSpringScene::read`] or
 //! [`MassSpringScene::from_ron`], which refuse bad values with a [`SceneError`] that says where they
@@ -31,6 +31,7 @@
 //! ```
 
 mod asset;
+mod colliders;
 mod description;
 mod error;
 mod nets;
@@ -40,6 +41,7 @@ mod spawn;
 mod validate;
 
 pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
+pub use colliders::SceneCollider;
 pub use description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
 pub use nets::SceneNet;

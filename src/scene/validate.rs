@@ -105,6 +105,12 @@ impl MassSpringScene {
             let parents = [Step::Field("planes"), Step::Index(index)];
             check_plane(plane).map_err(|invalid| Fault::new(&parents, invalid))?;
         }
+        for (index, collider) in self.colliders.iter().enumerate() {
+            let parents = [Step::Field("colliders"), Step::Index(index)];
+            collider.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+            let shape = [&parents[..], &[Step::Field("shape")]].concat();
+            collider.shape.validate().map_err(|invalid| Fault::new(&shape, invalid))?;
+        }
         Ok(())
     }
 

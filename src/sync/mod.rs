@@ -38,6 +38,7 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
+use crate::collider::{ColliderMotion, move_colliders};
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -113,6 +114,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                     (nets::give_breaking, nets::gather_parts).chain().run_if(nets::any_nets),
                     nets::tie_attachments.run_if(nets::any_untied),
                     nets::turn_winches.run_if(nets::any_winches),
+                    move_colliders.run_if(any_with_component::<ColliderMotion>),
                     gather::gather,
                 )
                     .chain()

@@ -11,6 +11,7 @@ mod breaking;
 mod cables;
 mod caches;
 mod coincidence;
+mod colliders;
 mod collisions;
 #[path = "../common/mod.rs"]
 mod common;

@@ -217,6 +217,12 @@ impl Shape {
         }
     }
 
+    /// How deep a ball of `radius` m at a point in its own axes is inside, m; negative outside. Of a sheet, how far less
+    /// than its radius the ball is away.
+    pub fn depth(&self, point: DVec3, radius: f32) -> f64 {
+        f64::from(radius) - self.nearest(point, 0.0).distance
+    }
+
     /// On which side of a sheet a point is, 1 or −1; 0 of what has none.
     pub(in crate::solver) fn side(&self, point: DVec3) -> f64 {
         match &self.0 {
