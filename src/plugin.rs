@@ -6,7 +6,8 @@ use bevy::prelude::*;
 
 use crate::bend::Bend;
 use crate::collider::{
-    ColliderMotion, ColliderShape, CollisionSettings, ContactLayers, ContactMaterial, ParticleCollider,
+    ColliderMotion, ColliderShape, CollisionSettings, ContactEvents, ContactLayers, ContactMaterial,
+    ParticleCollider,
 };
 use crate::environment::Environment;
 use crate::nets::{
@@ -121,10 +122,10 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, ParticleCollider)>()
-        .register_type::<(ColliderMotion, ColliderShape, ContactLayers, ContactMaterial)>()
+        .register_type::<(ColliderMotion, ColliderShape, ContactEvents, ContactLayers, ContactMaterial)>()
         .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
         .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
-        .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
+        .register_type::<(crate::collider::Contact, crate::collider::ContactStarted, crate::collider::ContactEnded, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -13,7 +13,7 @@ use bevy::prelude::*;
 use crate::parameter::{self, InvalidParameter};
 
 pub use crate::solver::CombineRule;
-pub use contact::Contact;
+pub use contact::{Contact, ContactEnded, ContactEvents, ContactStarted};
 pub use list::SharedList;
 pub use motion::ColliderMotion;
 pub(crate) use motion::move_colliders;

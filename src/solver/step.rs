@@ -65,7 +65,7 @@ pub(crate) fn step(
         part_coincident(&state.elements, &mut state.particles, settings.gravity);
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
-    caches.contacts.begin_tick(&inputs.colliders, settings);
+    caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
         caches.contacts.begin_substep(
@@ -288,9 +288,12 @@ impl Caches {
             Some(Position { done, count, .. }) => index - done + count,
             None => index + 1,
         };
+        let (features, features_version) = self.contacts.features();
         let surroundings = Surroundings {
             colliders: &inputs.colliders,
             skins: &inputs.skins,
+            features,
+            features_version,
             settings,
             memory: contacts,
             elapsed: step_end as f32 / plan.substeps as f32,

@@ -30,6 +30,7 @@ mod snapshot;
 mod springs;
 mod state;
 mod teleport;
+mod touching;
 mod view;
 
 use bevy::ecs::entity_disabling::Disabled;
@@ -120,7 +121,11 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                     .chain()
                     .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
-                (scatter::scatter, (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets))
+                (
+                    scatter::scatter,
+                    touching::publish_touching.run_if(touching::is_requested),
+                    (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets),
+                )
                     .chain()
                     .in_set(MassSpringSystems::Scatter),
             ),

@@ -16,6 +16,7 @@ use crate::solver::{
 use super::Simulation;
 use super::gather::Gathered;
 use super::state::MassSpringState;
+use super::touching::Requests;
 
 /// Runs the tick.
 pub(super) fn run_step(
@@ -24,7 +25,7 @@ pub(super) fn run_step(
     mut configuration: Configuration,
     gathered: Res<Gathered>,
     mut report: ResMut<TickReport>,
-    contacts: Option<Res<Messages<Contact>>>,
+    (contacts, touching): (Option<Res<Messages<Contact>>>, Requests),
     forces: Option<Res<SpringForces>>,
     measurements: Option<ResMut<Measurements>>,
 ) {
@@ -33,7 +34,7 @@ pub(super) fn run_step(
     let mut complaints = Vec::new();
     let settings = configuration.settings(&mut complaints);
     let Simulation { inputs, caches, outputs, version, .. } = simulation;
-    outputs.record_contacts = contacts.is_some();
+    outputs.record_contacts = contacts.is_some() || touching.any();
     outputs.record_forces = forces.is_some();
     step(&mut state.solver, inputs, caches, outputs, &settings);
     state.version = Version::new();

@@ -40,6 +40,9 @@ pub struct MassSpringState {
     pub(super) bends: BendRegistry,
     /// The colliders in the order of spawning.
     pub(super) colliders: Vec<RegisteredCollider>,
+    /// The pairs of entities that touched in the last tick, sorted, if anybody asks.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub(super) touching: Vec<[Entity; 2]>,
     /// Something happened that all slots depend on.
     pub(super) is_outdated: bool,
     /// Particles with bad values, left out until they are corrected.
@@ -80,6 +83,7 @@ impl MassSpringState {
         self.nets.reset_slots();
         self.bends.reset_slots();
         self.colliders.iter_mut().for_each(|collider| collider.last_pose = None);
+        self.touching.clear();
         self.solver.clear();
         self.solver.origin = Vec3::ZERO;
         self.solver.forget_contacts();
@@ -99,12 +103,14 @@ impl MapEntities for MassSpringState {
             .colliders
             .iter_mut()
             .map(|collider| &mut collider.entity)
+            .chain(self.touching.as_flattened_mut())
             .chain(&mut self.excluded)
             .chain(&mut self.pending)
             .chain(&mut self.broken)
         {
             *entity = mapper.get_mapped(*entity);
         }
+        self.touching.sort_unstable();
         self.despawned = self.despawned.iter().map(|entity| mapper.get_mapped(*entity)).collect();
         self.version = Version::new();
     }

@@ -17,6 +17,7 @@ mod candidates;
 mod chain_search;
 mod chains;
 mod collider;
+mod features;
 mod grid;
 mod list;
 mod material;
@@ -29,6 +30,7 @@ mod record;
 mod regions;
 mod response;
 mod shapes;
+mod solids;
 mod stiff_pairs;
 mod sweep;
 mod touch;
@@ -44,6 +46,8 @@ use candidates::Candidates;
 use chains::Proof;
 pub use collider::Collider;
 use collider::Placed;
+use features::Features;
+pub(super) use features::{Feature, sum, weigh};
 pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
@@ -55,7 +59,7 @@ use response::Rebound;
 pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
 use sweep::Sweep;
-use touch_search::{Search, Touches};
+use touch_search::Touches;
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
@@ -85,6 +89,7 @@ pub(super) struct ContactCaches {
     surfaces: Vec<Surface>,
     placed: Placed,
     touches: Touches,
+    features: Features,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
@@ -225,38 +230,6 @@ impl ContactCaches {
         if let Some(records) = records {
             self.record(particles, records);
         }
-    }
-
-    /// To be called when a tick begins.
-    pub fn begin_tick(&mut self, colliders: &[Collider], settings: &StepSettings) {
-        let colliders = if settings.collide_with_colliders { colliders } else { &[] };
-        self.placed.begin_tick(colliders, settings.time_step);
-    }
-
-    /// Finds what touches colliders that are no half-spaces, and puts back what would have passed through one.
-    fn find_touches(&mut self, particles: &mut Particles, substep: Substep, senses: bool) {
-        let Self { placed, touches, previous, is_implicit, .. } = self;
-        let Substep { colliders, skins, acceleration, settings, duration, elapsed, .. } = substep;
-        if placed.is_empty() {
-            touches.clear();
-            return;
-        }
-        let before = elapsed - duration / settings.time_step;
-        placed.begin_substep(colliders, [before, elapsed], settings.time_step);
-        let rebound = substep.rebound();
-        let search = Search {
-            colliders,
-            placed,
-            particles,
-            previous,
-            acceleration,
-            skins,
-            is_implicit,
-            rebound,
-            senses,
-        };
-        touches.find(search);
-        touches.put_back(particles);
     }
 
     /// Whether contacts have moved any particle in the last substep.

@@ -3,11 +3,13 @@
 use bevy::math::DVec3;
 
 use super::collider::{Collider, Moment, Placed};
+use super::features::Feature;
 use super::material::{Skin, skin_of};
 use super::shapes::{Bounds, Placement, Shape};
 use super::{ContactMemory, ContactPartner};
 use crate::solver::particles::Particles;
 use crate::solver::settings::StepSettings;
+use crate::solver::state::Version;
 
 /// All that may be touched in an implicit step.
 #[derive(Clone, Copy)]
@@ -16,6 +18,9 @@ pub(in crate::solver) struct Surroundings<'a> {
     pub skins: &'a [Skin],
     pub settings: &'a StepSettings,
     pub memory: &'a ContactMemory,
+    /// What of nets collides between particles, and its version.
+    pub features: &'a [Feature],
+    pub features_version: Version,
     /// The fraction of the tick that has passed at the end of the step.
     pub elapsed: f32,
 }
@@ -77,6 +82,39 @@ impl Obstacle {
         let form =
             Form::HalfSpace { point: to.to_world(touch.foot), normal: to.direction(shape, touch.normal) };
         Some(Self { form, ..self.clone() })
+    }
+
+    /// The point of an edge (`count` 2) or triangle that is deepest in it at the end of straight ways of the corners, and it
+    /// as that point meets it; `None` if none touches but corners.
+    pub fn deepest(
+        &self,
+        count: usize,
+        [start, end]: [[DVec3; 3]; 2],
+        radii: [f64; 3],
+        duration: f64,
+    ) -> Option<(Self, [f64; 3])> {
+        let Form::Solid { shape, from, to, .. } = &self.form else { return None };
+        let before = start.map(|corner| from.to_local(corner));
+        let local = end.map(|corner| to.to_local(corner));
+        if count == 2 {
+            let way = before[0].distance(local[0]).max(before[1].distance(local[1]));
+            let radius = SWEPT_WAY * radii[0].min(radii[1]);
+            let is_fast = way > radius.max(0.5 * shape.half_thickness());
+            let [ways, ends] = [before, local].map(|corners| [corners[0], corners[1]]);
+            let swept = is_fast.then(|| shape.first_touch_of_edge(ways, ends, radius));
+            if let Some((touch, weights)) = swept.flatten() {
+                let normal = to.direction(shape, touch.normal);
+                let form = Form::HalfSpace { point: to.to_world(touch.foot), normal };
+                return Some((Self { form, ..self.clone() }, weights));
+            }
+        }
+        let within = 0.5 * duration * RECOVERY + longest(before, local);
+        let find = |corners: [DVec3; 3]| match count {
+            2 => shape.deepest_on_edge([corners[0], corners[1]], [radii[0], radii[1]], within),
+            _ => shape.deepest_on_triangle(corners, radii, within),
+        };
+        let found = find(local).or_else(|| find(before))?;
+        Some((self.clone(), found.weights))
     }
 
     /// The obstacle as it is to a particle that is at `position` when the step begins.
@@ -153,6 +191,14 @@ impl Obstacle {
 /// The way in a step above which a particle is swept, as a part of its radius.
 const SWEPT_WAY: f64 = 0.5;
 
+/// Edges and faces are looked for that would come as near as what moves at this speed does in the step, m/s.
+const RECOVERY: f64 = 0.1;
+
+/// The longest way of a corner, m.
+fn longest(from: [DVec3; 3], to: [DVec3; 3]) -> f64 {
+    from.iter().zip(to).map(|(from, to)| from.distance(to)).fold(0.0, f64::max)
+}
+
 /// The obstacles of one implicit step.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Obstacles {
@@ -218,6 +264,32 @@ impl Obstacles {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.planes.is_empty() && self.solids.is_empty() && self.spheres.is_empty()
+    }
+
+    /// Calls `found` for each collider that an edge or triangle may touch, whose corners go from the first to the second
+    /// places in `duration` seconds; with its coefficients of restitution and friction against the particle in this
+    /// `slot`.
+    pub fn near_feature(
+        &self,
+        (slot, surroundings): (usize, Surroundings),
+        [from, to]: [[DVec3; 3]; 2],
+        radii: [f64; 3],
+        duration: f64,
+        mut found: impl FnMut(&Obstacle, [f64; 2]),
+    ) {
+        let corners = from.iter().chain(&to).map(|corner| corner.as_vec3());
+        let bounds = corners.fold(Bounds::EMPTY, Bounds::with);
+        let size = bounds.low.abs().max(bounds.high.abs()).max_element();
+        let reach = radii[0].max(radii[1]).max(radii[2]) + longest(from, to) + RECOVERY * duration;
+        let bounds = bounds.grown(reach as f32 + 16.0 * f32::EPSILON * size);
+        let skin = skin_of(surroundings.skins, slot);
+        self.placed.for_each_near(&bounds, |place| {
+            let obstacle = &self.solids[place];
+            let collider = &surroundings.colliders[self.placed.numbers[place] as usize];
+            if !collider.is_sensor && skin.layers.meet(collider.layers) {
+                found(obstacle, collider.material.between(skin.material).map(f64::from));
+            }
+        });
     }
 
     /// Calls `found` for each obstacle that a sphere at `position` may touch on a way of `reach` m in `duration`

@@ -83,7 +83,7 @@ struct Meeting {
 }
 
 /// How far a coordinate of this size may be off by rounding, m.
-fn rounding(position: DVec3, radius: f64, foot: DVec3) -> f64 {
+pub(super) fn rounding(position: DVec3, radius: f64, foot: DVec3) -> f64 {
     let size = position.abs().element_sum() + radius + foot.abs().element_sum();
     4.0 * f64::from(f32::EPSILON) * size
 }

@@ -4,6 +4,7 @@
 //! hulls as meshes, a tree of their triangles; a compound is the union of its parts. All is in f64: what an implicit
 //! step solves for is finer than f32, and only what is near is asked for at all. Big shapes are shared, not copied.
 
+mod feature;
 mod mesh;
 mod primitives;
 mod sweep;
@@ -15,6 +16,7 @@ use std::sync::Arc;
 use bevy::math::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use super::plane::Pose;
+pub(in crate::solver) use feature::Deepest;
 use mesh::Mesh;
 pub use mesh::{MeshError, MeshKind};
 pub(in crate::solver) use tree::{Bounds, MovingTree};
@@ -221,6 +223,21 @@ impl Shape {
     /// than its radius the ball is away.
     pub fn depth(&self, point: DVec3, radius: f32) -> f64 {
         f64::from(radius) - self.nearest(point, 0.0).distance
+    }
+
+    /// A length below which what moves can be on the wrong side of it: its least half thickness, m. 0 of meshes.
+    pub(in crate::solver) fn half_thickness(&self) -> f64 {
+        match &self.0 {
+            Kind::HalfSpace => f64::INFINITY,
+            Kind::Ball { radius } | Kind::Capsule { radius, .. } => *radius,
+            Kind::Cuboid { half_size } => half_size.min_element(),
+            Kind::Frustum { radii: [bottom, top], half_height } => bottom.min(*top).min(*half_height),
+            Kind::Mesh(_) | Kind::Hull(_) => 0.0,
+            Kind::Compound(parts) => {
+                parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min)
+            }
+            Kind::Flat(shape) => shape.half_thickness(),
+        }
     }
 
     /// On which side of a sheet a point is, 1 or −1; 0 of what has none.

@@ -33,6 +33,62 @@ impl Shape {
         }
     }
 
+    /// Where an edge between its ends first meets it on the straight ways of these, in its own axes, and which point of the
+    /// edge; `None` where an end meets it first, which is one for the ends. Meshes are not swept by edges.
+    pub(in crate::solver) fn first_touch_of_edge(
+        &self,
+        from: [DVec3; 2],
+        to: [DVec3; 2],
+        radius: f64,
+    ) -> Option<(Crossing, [f64; 3])> {
+        match &self.0 {
+            Kind::Mesh(_) => None,
+            Kind::Flat(shape) => shape.first_touch_of_edge(from, to, radius),
+            Kind::Compound(parts) => {
+                let touches = parts.iter().filter_map(|part| {
+                    let local = |ends: [DVec3; 2]| ends.map(|end| part.placement.to_local(end));
+                    let (touch, weights) = part.shape.first_touch_of_edge(local(from), local(to), radius)?;
+                    let normal = part.placement.rotation * touch.normal;
+                    let foot = part.placement.to_world(touch.foot);
+                    Some((Crossing { foot, normal, ..touch }, weights))
+                });
+                touches.min_by(|(one, _), (other, _)| one.time.total_cmp(&other.time))
+            }
+            _ => self.advance_edge(from, to, radius),
+        }
+    }
+
+    /// Conservative advancement of an edge towards a convex shape.
+    fn advance_edge(&self, from: [DVec3; 2], to: [DVec3; 2], radius: f64) -> Option<(Crossing, [f64; 3])> {
+        let ways = [to[0] - from[0], to[1] - from[1]];
+        let length = ways[0].length().max(ways[1].length());
+        // Neither of NaN.
+        if !(length > 0.0 && length.is_finite()) {
+            return None;
+        }
+        let touch = TOUCH * (1.0 + from[0].abs().max_element() + to[0].abs().max_element());
+        let mut time = 0.0;
+        for _ in 0..MAX_STEPS {
+            let ends = [0, 1].map(|end| from[end] + ways[end] * time);
+            let (weights, nearest) = self.nearest_of_edge(ends);
+            let gap = nearest.distance - radius;
+            if gap <= touch {
+                let [first, second, _] = weights;
+                let way = ways[0] * first + ways[1] * second;
+                let is_inner = first.min(second) > 1e-3;
+                let approaches = way.dot(nearest.normal) < -1e-12 * length;
+                let foot = ends[0] * first + ends[1] * second - nearest.normal * nearest.distance;
+                let crossing = Crossing { time, foot, normal: nearest.normal };
+                return (is_inner && approaches).then_some((crossing, weights));
+            }
+            time += gap / length;
+            if time > 1.0 {
+                return None;
+            }
+        }
+        None
+    }
+
     /// Conservative advancement towards a convex shape.
     fn advance(&self, from: DVec3, to: DVec3, radius: f64) -> Option<Crossing> {
         let way = to - from;

@@ -12,6 +12,11 @@ use crate::solver::graph::Linked;
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
     pub node: usize,
+    /// The other particles that have a part in the point that touches, of an edge or a face; their nodes and weights.
+    pub others: [(usize, f64); 2],
+    /// The weight of the particle, and how many others there are.
+    pub weight: f64,
+    pub count: usize,
     pub partner: Partner,
     /// m.
     pub radius: f64,
@@ -67,6 +72,9 @@ impl Contact {
     pub fn new(node: usize, partner: Partner) -> Self {
         Self {
             node,
+            others: [(0, 0.0); 2],
+            weight: 1.0,
+            count: 0,
             partner,
             radius: 0.0,
             inertia: 0.0,
@@ -85,10 +93,19 @@ impl Contact {
         }
     }
 
+    /// Σ wᵢ vᵢ over the particles that touch.
+    pub fn point(&self, vectors: &[DVec3]) -> DVec3 {
+        if self.count == 0 {
+            return vectors[self.node];
+        }
+        let others = self.others[..self.count].iter().map(|(node, weight)| vectors[*node] * *weight);
+        vectors[self.node] * self.weight + others.sum::<DVec3>()
+    }
+
     /// The gap at these positions, m, and the direction towards the particle.
     fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
         match &self.partner {
-            Partner::Obstacle(obstacle) => obstacle.gap(position[self.node], self.radius),
+            Partner::Obstacle(obstacle) => obstacle.gap(self.point(position), self.radius),
             Partner::Node { node, normal, reach } => {
                 ((position[self.node] - position[*node]).dot(*normal) - reach, *normal)
             }
@@ -98,7 +115,7 @@ impl Contact {
     /// The way of the particle in the step, relative to what it touches, m.
     pub fn way(&self, position: &[DVec3]) -> DVec3 {
         let other = if let Partner::Node { node, .. } = self.partner { position[node] } else { DVec3::ZERO };
-        position[self.node] - other - self.origin
+        self.point(position) - other - self.origin
     }
 
     /// The slip along the surface, m.
@@ -145,7 +162,7 @@ impl Contact {
     pub fn pressing_speed(&self, pull: &[DVec3], h: f64) -> f64 {
         let other = if let Partner::Node { node, .. } = self.partner { pull[node] } else { DVec3::ZERO };
         // Inertia is m/h².
-        (-(pull[self.node] - other).dot(self.normal) / (self.inertia * h)).max(0.0)
+        (-(self.point(pull) - other).dot(self.normal) / (self.inertia * h)).max(0.0)
     }
 
     /// Holds what has touched where it is, or sends it back by `rebound`.
@@ -159,6 +176,10 @@ impl Contact {
     /// Adds a force on the particle, and a stiffness along and across the normal, N/m.
     fn add(&self, force: DVec3, [along, across]: [f64; 2], sums: &mut Sums) {
         let block = Symmetric::uniaxial(self.normal, along, across);
+        if self.count > 0 {
+            self.add_to_all(force, block, sums);
+            return;
+        }
         sums.right[self.node] += force;
         match self.partner {
             Partner::Obstacle(_) => sums.diagonal[self.node] += block,
@@ -170,6 +191,22 @@ impl Contact {
                 sums.compounds.push(Compound { nodes, weights, block });
             }
         }
+    }
+}
+
+impl Contact {
+    /// Adds a force on a point of several particles, and its stiffness.
+    fn add_to_all(&self, force: DVec3, block: Symmetric, sums: &mut Sums) {
+        let mut nodes = [self.node as u32; MAX_ENDS];
+        let mut weights = [0.0; MAX_ENDS];
+        weights[0] = self.weight;
+        sums.right[self.node] += force * self.weight;
+        for (place, (node, weight)) in self.others[..self.count].iter().enumerate() {
+            (nodes[place + 1], weights[place + 1]) = (*node as u32, *weight);
+            sums.right[*node] += force * *weight;
+        }
+        let nodes = Linked::new(u32::MAX, &nodes[..=self.count]);
+        sums.compounds.push(Compound { nodes, weights, block });
     }
 }
 

@@ -42,7 +42,7 @@ const GROWTH: f64 = 30.0;
 const MAX_PASSES: usize = 5;
 
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
-const RECOVERY_SPEED: f64 = 0.1;
+pub(super) const RECOVERY_SPEED: f64 = 0.1;
 
 /// Below this speed friction is viscous, m/s: what sticks creeps by less.
 const CREEP: f64 = 1e-5;
@@ -63,7 +63,7 @@ const REACH: f64 = 4.0;
 /// The contacts of an island in one step.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Contacts {
-    contacts: Vec<Contact>,
+    pub(super) contacts: Vec<Contact>,
     /// K as a multiple of the inertia of the particle.
     stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
@@ -73,7 +73,7 @@ pub(super) struct Contacts {
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
-    reach: f64,
+    pub(super) reach: f64,
     mode: Mode,
     /// Whether other contacts held in the last linearisation than in the one before.
     pub changed: bool,
@@ -214,7 +214,8 @@ impl Contacts {
 
     /// The nodes that were held in the last linearisation.
     pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
-        self.contacts.iter().filter(|contact| contact.force > 0.0).map(|contact| contact.node)
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.count == 0);
+        held.map(|contact| contact.node)
     }
 
     /// Whether there may be any contact.
@@ -356,7 +357,7 @@ impl Contacts {
             record(ContactRecord {
                 slot: elimination.slots[node] as usize,
                 other,
-                point: (position[node] - normal * radius).as_vec3(),
+                point: (contact.point(position) - normal * radius).as_vec3(),
                 normal: normal.as_vec3(),
                 impulse: (h * force * (1.0 + again)) as f32,
             });
