@@ -51,6 +51,7 @@ pub mod parameter;
 pub mod particle;
 mod plugin;
 mod plugin_group;
+pub mod queries;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod report;
@@ -77,8 +78,8 @@ pub mod prelude {
     pub use crate::MassSpringInterpolationPlugin;
     pub use crate::bend::Bend;
     pub use crate::collider::{
-        ColliderMotion, ColliderShape, CollisionSettings, CombineRule, Contact, ContactLayers,
-        ContactMaterial, ParticleCollider,
+        ColliderMotion, ColliderShape, CollisionSettings, CombineRule, Contact, ContactEnded, ContactEvents,
+        ContactLayers, ContactMaterial, ContactStarted, ParticleCollider,
     };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
@@ -98,6 +99,7 @@ pub mod prelude {
     pub use crate::particle::{
         AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
     };
+    pub use crate::queries::{ParticleHit, ParticleQueries};
     #[cfg(feature = "render")]
     pub use crate::render::{MassSpringRenderPlugin, NetMesh, NetSkin, RopeLinks, RopeMesh, RopeRibbon};
     pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};

@@ -57,7 +57,8 @@ fn the_defaults() {
     let solver =
         SceneSolver { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: SubstepMode::Auto };
     assert_eq!(scene.solver, solver);
-    let collisions = CollisionSettings { ground: true, particles: true, restitution: 0.0, friction: 0.0 };
+    let collisions =
+        CollisionSettings { ground: true, particles: true, springs: false, restitution: 0.0, friction: 0.0 };
     assert_eq!(scene.collisions, collisions);
     let SceneParticle { velocity, radius, pinned, .. } = scene.particles[0];
     assert_eq!((velocity, radius, pinned), (Vec3::ZERO, 0.0, false));

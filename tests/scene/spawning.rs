@@ -76,7 +76,8 @@ fn settings_become_resources() {
     assert_eq!(environment.effective_viscosity(), 0.5);
     let settings = SolverSettings { integrator: Integrator::RungeKutta4, substeps: SubstepMode::Fixed(3) };
     assert_eq!(*world.resource::<SolverSettings>(), settings);
-    let collisions = CollisionSettings { ground: false, particles: true, restitution: 0.25, friction: 0.75 };
+    let collisions =
+        CollisionSettings { ground: false, particles: true, restitution: 0.25, friction: 0.75, ..default() };
     assert_eq!(*world.resource::<CollisionSettings>(), collisions);
     let tick = Duration::from_millis(500);
     assert_eq!(world.resource::<Time<Fixed>>().timestep(), tick);

@@ -342,7 +342,10 @@ impl ContactCaches {
                 }
             }
         }
-        self.solve_plane_velocities();
+        // Contacts of one particle each are solved by the first; those of edges and faces know of each other.
+        let iterations =
+            if self.touches.all.iter().any(|touch| touch.count > 1) { VELOCITY_ITERATIONS } else { 1 };
+        (0..iterations).for_each(|_| self.solve_plane_velocities());
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
             pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, reach);

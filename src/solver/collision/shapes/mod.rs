@@ -240,6 +240,12 @@ impl Shape {
         }
     }
 
+    /// How far a point in its own axes is from its surface, m, negative inside, and the outward normal there.
+    pub fn nearest_surface(&self, point: DVec3) -> (f64, DVec3) {
+        let Nearest { distance, normal } = self.nearest(point, 0.0);
+        (distance, normal)
+    }
+
     /// On which side of a sheet a point is, 1 or −1; 0 of what has none.
     pub(in crate::solver) fn side(&self, point: DVec3) -> f64 {
         match &self.0 {

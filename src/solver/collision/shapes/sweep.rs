@@ -10,6 +10,9 @@ use super::{Crossing, Kind, Shape};
 /// Steps of an advancement, at most: a way that grazes a surface for longer than that ends there.
 const MAX_STEPS: usize = 48;
 
+/// Steps of a cast, at most: one that grazes a surface for longer than that misses it.
+const MAX_CAST_STEPS: usize = 512;
+
 /// A gap below this part of the coordinates is none.
 const TOUCH: f64 = 1e-9;
 
@@ -56,6 +59,28 @@ impl Shape {
             }
             _ => self.advance_edge(from, to, radius),
         }
+    }
+
+    /// When a ball first touches it on the way of its centre, in its own axes: as a part of the way, with the point of the
+    /// surface and its normal; 0 where it does from the start.
+    pub fn cast(&self, from: DVec3, to: DVec3, radius: f64) -> Option<(f64, DVec3, DVec3)> {
+        let (way, mut time) = (to - from, 0.0);
+        let length = way.length();
+        let touch = 1e-6 * (1.0 + radius);
+        for _ in 0..MAX_CAST_STEPS {
+            let point = from + way * time;
+            let nearest = self.nearest(point, 0.0);
+            let gap = nearest.distance - radius;
+            if gap <= touch {
+                return Some((time, point - nearest.normal * nearest.distance, nearest.normal));
+            }
+            time += gap / length;
+            // Neither of NaN.
+            if !(time <= 1.0) {
+                return None;
+            }
+        }
+        None
     }
 
     /// Conservative advancement of an edge towards a convex shape.
