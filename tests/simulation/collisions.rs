@@ -286,7 +286,7 @@ fn a_moving_plane_pushes_with_its_velocity() {
             let mut plane = Collider::half_space(Vec3::Y * -0.02, Vec3::Y, restitution, 0.0);
             plane.target.point += Vec3::Y * speed / 60.0;
             let mut state = world([Ball::at(Vec3::Y * 0.1)]);
-            state.add_collider(plane);
+            state.add_collider(plane.clone());
             state.step(&floating(scheme, 0.0));
             let expected = Vec3::Y * (1.0 + restitution) * speed;
             // (target − start) / dt of points near 0.05 m: a rounding of 4e-9 m is 2e-7 m/s.

@@ -98,7 +98,7 @@ impl Saved {
         put(entity, self.force);
         put(entity, self.quarantined);
         put(entity, spring);
-        put(entity, self.plane);
+        put(entity, self.plane.clone());
         put(entity, parent);
     }
 }

@@ -258,7 +258,7 @@ fn floor(app: &mut App) -> (Vec<Entity>, Vec<Entity>) {
     particles.push(spawn_pinned(app, Vec3::new(-0.5, 0.3, 0.0)));
     let ground = ParticleCollider { restitution: 0.1, friction: 0.5, ..default() };
     let tilted = Transform::from_xyz(-1.0, 0.0, 0.0).with_rotation(Quat::from_rotation_z(-0.8));
-    let planes = [(ground, Transform::default()), (ground, tilted)];
+    let planes = [(ground.clone(), Transform::default()), (ground, tilted)];
     (particles, planes.map(|plane| app.world_mut().spawn(plane).id()).to_vec())
 }
 

@@ -282,7 +282,6 @@ mod tests {
             let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
             let (colliders, skins, acceleration) = (&[], &[], &Vectors::default());
             let (integrator, duration, elapsed) = (Integrator::SemiImplicitEuler, 0.01, 1.0);
-            #[rustfmt::skip]
             let substep =
                 Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed };
             candidates.refresh(memory, contacts, particles, &particles.position, substep);

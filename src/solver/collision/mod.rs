@@ -266,7 +266,9 @@ impl ContactCaches {
                 let is_net = both(&|slot| exclusions.is_sprung(slot));
                 let solved_elsewhere =
                     both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
-                !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
+                let layers = slots.map(|slot| material::skin_of(substep.skins, slot as usize).layers);
+                let may_meet = substep.skins.is_empty() || layers[0].meet(layers[1]);
+                may_meet && !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
             },
         );
         candidates.grid = grid;
@@ -322,7 +324,7 @@ impl ContactCaches {
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
-            narrow::find(candidates, bodies, acceleration, rebound, up, pair_contacts);
+            narrow::find(candidates, bodies, (acceleration, skins), rebound, up, pair_contacts);
         }
     }
 

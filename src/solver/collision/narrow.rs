@@ -7,6 +7,7 @@ use crate::solver::particles::Vectors;
 use super::bodies::Body;
 use super::candidates::Candidates;
 use super::list::{Candidate, List, Past};
+use super::material::{Skin, skin_of};
 use super::pairs::{Impulses, PairContact, PairContacts};
 use super::response::{Approach, Rebound};
 
@@ -23,6 +24,7 @@ struct Search<'a> {
     rebound: Rebound,
     up: Vec3A,
     last: &'a [PairContact],
+    skins: &'a [Skin],
 }
 
 /// Finds the touching pairs among the candidates, in each group from the bottom up, with the impulses that
@@ -30,7 +32,7 @@ struct Search<'a> {
 pub(super) fn find(
     candidates: &mut Candidates,
     bodies: &mut [Body],
-    acceleration: &Vectors,
+    (acceleration, skins): (&Vectors, &[Skin]),
     rebound: Rebound,
     up: Vec3A,
     contacts: &mut PairContacts,
@@ -38,7 +40,7 @@ pub(super) fn find(
     let Candidates { list: List { pairs, .. }, groups, regions, .. } = candidates;
     contacts.swap_buffers(pairs.len());
     let PairContacts { current, last } = contacts;
-    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, last };
+    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, last, skins };
     groups.for_each((&mut pairs[..], &mut current[..]), bodies, |group, (pairs, contacts), bodies| {
         (group.contacts, group.entangled) = (0, false);
         for pairs in pairs.chunks_mut(PAIRS_PER_CHUNK) {
@@ -82,6 +84,7 @@ impl Search<'_> {
                     continue;
                 }
                 _ if solved_elsewhere(ends.map(|end| &bodies[end])) => continue,
+                _ if !self.may_meet(ends, start) => continue,
                 Past::Contact(place) => self.last[place as usize].impulses,
                 _ => Impulses::default(),
             };
@@ -90,6 +93,16 @@ impl Search<'_> {
             }
         }
         entangled
+    }
+
+    /// Whether the layers of two bodies let them touch.
+    #[inline]
+    fn may_meet(&self, ends: [usize; 2], start: usize) -> bool {
+        if self.skins.is_empty() {
+            return true;
+        }
+        let [one, other] = ends.map(|place| skin_of(self.skins, self.slot_of[place + start] as usize).layers);
+        one.meet(other)
     }
 
     /// The contact of two bodies, if they touch.

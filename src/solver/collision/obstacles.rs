@@ -314,6 +314,11 @@ impl Obstacles {
                     coefficients = collider.material.between(skin.material).map(f64::from);
                 }
             }
+            if let ContactPartner::Particle(pinned) = obstacle.partner
+                && !skin.layers.meet(skin_of(surroundings.skins, pinned).layers)
+            {
+                return;
+            }
             let own_way = duration * obstacle.motion_at(position).length();
             if obstacle.gap(position, radius).0 <= reach + own_way {
                 found(obstacle, coefficients);

@@ -202,11 +202,6 @@ impl Mesh {
     pub fn overlapping(&self, bounds: &Bounds, mut visit: impl FnMut(u32, [DVec3; 3])) {
         self.tree.overlapping(bounds, |item| visit(item, self.corners[item as usize]));
     }
-
-    /// The normal of a triangle.
-    pub fn face_normal(&self, triangle: u32) -> DVec3 {
-        self.normals[triangle as usize].face
-    }
 }
 
 /// For each vertex, the first one in the same place.
