@@ -74,9 +74,9 @@ pub(super) fn gather(
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
     mut gathered_colliders: ResMut<GatheredColliders>,
-    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery)>,
+    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery, SkinnedQuery)>,
     mut bookkeeping: Bookkeeping,
-    (colliders, skinned): (Query<ColliderData>, SkinnedQuery),
+    colliders: Query<ColliderData>,
     hierarchy: Hierarchy,
     (dimensions, mut easing, mut gathered_nets): (Res<Dimensions>, Easing, ResMut<GatheredNets>),
 ) {
@@ -108,7 +108,7 @@ pub(super) fn gather(
         &hierarchy,
         motions,
     );
-    gather_skins(state, simulation, &mut bookkeeping.warnings, &skinned);
+    gather_skins(state, simulation, &mut bookkeeping.warnings, &queries.p4());
 }
 
 /// Where those particles of the sample are that belong to nets.

@@ -6,15 +6,16 @@
 //! meets the plane that touches the surface where the two first meet on the straight way, however thin the solid is, and
 //! however far beyond it the way leads. It keeps its motion along that plane, as what slides on a half-space does.
 
-use bevy::math::{DVec3, Vec3A};
+use bevy::math::{DVec3, Vec3, Vec3A};
 
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
+use crate::solver::state::Version;
 
 use super::collider::{Collider, Placed};
 use super::material::{Skin, skin_of};
 use super::response::{Approach, Rebound};
-use super::shapes::Bounds;
+use super::shapes::{Bounds, Nearest, Shape};
 use super::touch::Touch;
 
 /// Number of consecutive particles that are looked for together.
@@ -64,12 +65,38 @@ pub(super) struct Touches {
 /// What has been found of a part of the particles.
 #[derive(Debug, Clone, Default)]
 struct Part {
+    /// Its first slot.
+    start: usize,
     touches: Vec<Touch>,
     sensed: Vec<(u32, u32)>,
     /// Where swept particles are put, m.
     moved: Vec<(u32, DVec3)>,
     /// Working memory: what is near a chunk.
     near: Vec<u32>,
+    /// By slot, from the first one of the part: which mesh it was far from when it was last looked at, where in the axes of
+    /// that, and by how much, m. Where it has moved by less than that since, it touches nothing: a cache.
+    clearances: Vec<Clearance>,
+}
+
+/// How far a particle was from a mesh.
+#[derive(Debug, Clone, Copy, Default)]
+struct Clearance {
+    mesh: Version,
+    place: Vec3,
+    distance: f32,
+}
+
+impl Clearance {
+    /// Whether a ball of `radius` m at a place in the axes of the mesh cannot touch it.
+    fn holds(&self, mesh: Version, place: DVec3, radius: f64) -> bool {
+        let moved = place.distance(self.place.as_dvec3()) * (1.0 + 1e-6);
+        self.mesh == mesh && f64::from(self.distance) - moved > radius
+    }
+
+    fn new(mesh: Version, place: DVec3, distance: f64) -> Self {
+        let rounding = 1e-6 * (place.abs().max_element() + distance);
+        Self { mesh, place: place.as_vec3(), distance: (distance - rounding) as f32 }
+    }
 }
 
 /// A plane that a particle meets.
@@ -129,6 +156,7 @@ impl Touches {
 impl Part {
     fn find(&mut self, search: Search, slots: std::ops::Range<usize>) {
         let mut near = std::mem::take(&mut self.near);
+        self.start = slots.start;
         for start in slots.clone().step_by(CHUNK) {
             let chunk = start..slots.end.min(start + CHUNK);
             search.placed.near(&search.bounds_of(chunk.clone()), &mut near);
@@ -194,7 +222,9 @@ impl Part {
         meetings().for_each(|meeting| self.touches.push(search.touch(slot, *meeting, position)));
         for place in solid().filter(|place| meetings().all(|meeting| meeting.place != *place)) {
             let to = placed.moments[place].to;
-            let nearest = collider(place).shape.nearest(to.to_local(position), 0.0);
+            let within = radius + 1.1 * rounding(position, radius, position);
+            let nearest = self.nearest(slot, &collider(place).shape, to.to_local(position), within);
+            let Some(nearest) = nearest else { continue };
             let normal = to.direction(&collider(place).shape, nearest.normal);
             let foot = position - normal * nearest.distance;
             let depth = radius - nearest.distance;
@@ -203,6 +233,29 @@ impl Part {
                 self.touches.push(search.touch(slot, Meeting { place, foot, normal, depth }, position));
             }
         }
+    }
+}
+
+impl Part {
+    /// The nearest point of a shape, if it is at most `within` m away.
+    fn nearest(&mut self, slot: usize, shape: &Shape, local: DVec3, within: f64) -> Option<Nearest> {
+        if let Some(nearest) = shape.nearest_within(local, within) {
+            return Some(nearest);
+        }
+        let place = slot - self.start;
+        let mesh = shape.version();
+        if self.clearances.get(place).is_some_and(|known| known.holds(mesh, local, within)) {
+            return None;
+        }
+        let nearest = shape.nearest(local, 0.0);
+        if nearest.distance <= within {
+            return Some(nearest);
+        }
+        if self.clearances.is_empty() {
+            self.clearances.resize(CHUNK * CHUNKS_PER_PART, Clearance::default());
+        }
+        self.clearances[place] = Clearance::new(mesh, local, nearest.distance);
+        None
     }
 }
 

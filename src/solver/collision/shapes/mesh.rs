@@ -9,6 +9,7 @@ use bevy::math::{DVec3, Vec3};
 use super::tree::{Bounds, Tree};
 use super::triangle::{self, Feature};
 use super::{Crossing, Nearest};
+use crate::solver::state::Version;
 
 /// Below this part of the coordinates a distance says nothing about its direction.
 const ROUNDING: f64 = 1e-12;
@@ -66,6 +67,8 @@ pub(in crate::solver) struct Mesh {
     tree: Tree,
     pub bounds: Bounds,
     pub kind: MeshKind,
+    /// No other mesh has it.
+    pub version: Version,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -127,14 +130,20 @@ impl Mesh {
         tree.build(&all);
         let bounds = all.into_iter().fold(Bounds::EMPTY, Bounds::union);
         let normals = find_normals(&triangles, &corners, &edges, vertices.len());
-        Ok(Self { corners, normals, tree, bounds, kind })
+        Ok(Self { corners, normals, tree, bounds, kind, version: Version::new() })
     }
 
     /// The nearest point of the surface; of a sheet that is met from the side of its normals (1) or from the other one
     /// (−1), `side` says which, 0: from that on which the point is.
     pub fn nearest(&self, point: DVec3, side: f64) -> Nearest {
-        let (mut least, mut found) = (f64::INFINITY, (u32::MAX, DVec3::ZERO, Feature::Face));
-        self.tree.nearest(point, f64::INFINITY, |item| {
+        let far = Nearest { distance: f64::INFINITY, normal: DVec3::Y };
+        self.nearest_within(point, side, f64::INFINITY).unwrap_or(far)
+    }
+
+    /// The same, if the surface is at most `within` m away.
+    pub fn nearest_within(&self, point: DVec3, side: f64, within: f64) -> Option<Nearest> {
+        let (mut least, mut found) = (within * within, (u32::MAX, DVec3::ZERO, Feature::Face));
+        self.tree.nearest(point, least, |item| {
             let (foot, feature) = triangle::nearest_point(point, self.corners[item as usize]);
             let square = foot.distance_squared(point);
             if square < least || (square == least && item < found.0) {
@@ -143,9 +152,7 @@ impl Mesh {
             least
         });
         let (item, foot, feature) = found;
-        let Some(normals) = self.normals.get(item as usize) else {
-            return Nearest { distance: f64::INFINITY, normal: DVec3::Y };
-        };
+        let normals = self.normals.get(item as usize)?;
         let (normal, is_border) = normals.of(feature);
         let apart = point - foot;
         let is_behind = apart.dot(normal) < 0.0;
@@ -162,7 +169,7 @@ impl Mesh {
             true => apart * (sign / distance),
             false => facing,
         };
-        Nearest { distance: sign * distance, normal }
+        Some(Nearest { distance: sign * distance, normal })
     }
 
     /// On which side of the sheet a point is: 1 or −1; 0 beyond its border, and of what is no sheet.

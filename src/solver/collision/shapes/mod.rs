@@ -16,6 +16,7 @@ use std::sync::Arc;
 use bevy::math::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use super::plane::Pose;
+use crate::solver::state::Version;
 pub(in crate::solver) use feature::Deepest;
 use mesh::Mesh;
 pub use mesh::{MeshError, MeshKind};
@@ -216,6 +217,25 @@ impl Shape {
                 least
             }
             Kind::Flat(shape) => shape.nearest(point, side),
+        }
+    }
+
+    /// The same from any side, for what is to know only whether it is at most `within` m outside: `None` of meshes that are
+    /// farther away, or may be around the point.
+    pub(in crate::solver) fn nearest_within(&self, point: DVec3, within: f64) -> Option<Nearest> {
+        match &self.0 {
+            Kind::Mesh(mesh) | Kind::Hull(mesh) => mesh.nearest_within(point, 0.0, within),
+            Kind::Flat(shape) => shape.nearest_within(point, within),
+            _ => Some(self.nearest(point, 0.0)),
+        }
+    }
+
+    /// No other mesh has the same.
+    pub(in crate::solver) fn version(&self) -> Version {
+        match &self.0 {
+            Kind::Mesh(mesh) | Kind::Hull(mesh) => mesh.version,
+            Kind::Flat(shape) => shape.version(),
+            _ => Version::default(),
         }
     }
 
