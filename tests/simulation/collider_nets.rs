@@ -140,7 +140,7 @@ fn a_corner_does_not_pierce_a_cloth() {
 /// A rope over a fixed cylinder, a load at each end: it holds below e^(μθ) and slips above (Euler 1769, Eytelwein 1808).
 #[test]
 fn a_rope_over_a_cylinder_slips_at_the_capstan_ratio() {
-    for scheme in [Integrator::SemiImplicitEuler, Integrator::ImplicitEuler] {
+    for scheme in [Integrator::ImplicitEuler, Integrator::TrBdf2] {
         for (ratio_of_bound, slips) in [(0.95, false), (1.05, true)] {
             let friction = 0.3;
             let radius = 0.5;
@@ -152,7 +152,7 @@ fn a_rope_over_a_cylinder_slips_at_the_capstan_ratio() {
             let (wrapped, hanging) = (160, 20);
             let step = PI * radius / wrapped as f32;
             let mass = 1e-4;
-            let stiffness = 2e4;
+            let stiffness = 2e5;
             let mut particles = Vec::new();
             for link in 0..=wrapped + 2 * hanging {
                 let along = (link as f32 - hanging as f32) * step;
@@ -178,7 +178,7 @@ fn a_rope_over_a_cylinder_slips_at_the_capstan_ratio() {
                 let spring = Spring { rest_length: step, stiffness, damping: 0.05, ..Spring::default() };
                 state.add_spring([ends[0], ends[1]], spring).unwrap();
             }
-            let settings = StepSettings { substeps: SubstepMode::Auto, ..falling(scheme, 4) };
+            let settings = falling(scheme, 8);
             for _ in 0..30 {
                 state.step(&settings);
             }
@@ -266,7 +266,7 @@ fn a_stiff_cloth_settles_on_a_ball() {
     }
 }
 
-/// Whatever a cloth of 24² falls on, it is never far inside, and comes to rest.
+/// Whatever a cloth of 16² falls on, it is never far inside, and comes to rest.
 #[test]
 fn a_cloth_lies_on_every_shape() {
     let (vertices, triangles) = sphere_mesh(0.3, 36);
@@ -283,11 +283,11 @@ fn a_cloth_lies_on_every_shape() {
         let mut state = Solver::default();
         state.add_collider(collider.clone());
         let radius = 0.01;
-        cloth(&mut state, 24, 0.9, 0.33, radius, 300.0);
+        cloth(&mut state, 16, 0.9, 0.33, radius, 100.0);
         let settings = StepSettings { substeps: SubstepMode::Auto, ..falling(Integrator::Auto, 4) };
         let settings = StepSettings { viscosity: 2e-4, ..settings };
         let mut worst = f64::NEG_INFINITY;
-        for _ in 0..180 {
+        for _ in 0..150 {
             state.step(&settings);
             for place in positions(&state) {
                 let turn = collider.target.rotation.as_dquat().inverse();
