@@ -4,6 +4,7 @@ use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::system::SystemParam;
 use bevy::math::{DMat3, DVec3};
 use bevy::prelude::*;
+use bevy::transform::helper::TransformHelper;
 
 use crate::collider::{ColliderShape, ContactLayers, ParticleCollider};
 use crate::nets::ParticleNet;
@@ -28,11 +29,12 @@ pub struct ParticleHit {
 
 /// Asks what is where: [`ParticleCollider`]s by their surface, particles and those of nets as spheres.
 ///
-/// Only what meets the `layers` of the question is found. Places are those of `GlobalTransform`, hence of the last frame for
-/// what is moved in this one.
+/// Only what meets the `layers` of the question is found. Places are those of the present
+/// `Transform`s.
 ///
 /// ```
 /// # use bevy::prelude::*;
+use bevy::transform::helper::TransformHelper;
 /// # use bevy_mass_spring::prelude::*;
 /// fn look_down(mut queries: ParticleQueries) {
 ///     let ray = Ray3d::new(Vec3::Y * 10.0, Dir3::NEG_Y);
@@ -43,14 +45,10 @@ pub struct ParticleHit {
 /// ```
 #[derive(SystemParam)]
 pub struct ParticleQueries<'w, 's> {
-    colliders: Query<
-        'w,
-        's,
-        (Entity, &'static ParticleCollider, &'static GlobalTransform, Option<&'static ContactLayers>),
-    >,
-    particles:
-        Query<'w, 's, (Entity, &'static Particle, &'static GlobalTransform, Option<&'static ContactLayers>)>,
+    colliders: Query<'w, 's, (Entity, &'static ParticleCollider, Option<&'static ContactLayers>)>,
+    particles: Query<'w, 's, (Entity, &'static Particle, Option<&'static ContactLayers>)>,
     nets: Query<'w, 's, (Entity, &'static ParticleNet, Option<&'static ContactLayers>)>,
+    places: TransformHelper<'w, 's>,
     built: Local<'s, EntityHashMap<Built>>,
 }
 
@@ -157,11 +155,12 @@ impl ParticleQueries<'_, '_> {
     }
 
     fn for_each_collider(&mut self, layers: ContactLayers, mut visit: impl FnMut(Placed)) {
-        let Self { colliders, built, .. } = self;
-        for (entity, collider, transform, own) in &*colliders {
+        let Self { colliders, places, built, .. } = self;
+        for (entity, collider, own) in &*colliders {
             if !own.copied().unwrap_or_default().meet(layers) {
                 continue;
             }
+            let Ok(transform) = places.compute_global_transform(entity) else { continue };
             let (scale, rotation, point) = transform.affine().to_scale_rotation_translation();
             let is_known = |built: &Built| built.scale == scale && built.described == collider.shape;
             if !built.get(&entity).is_some_and(is_known) {
@@ -178,9 +177,10 @@ impl ParticleQueries<'_, '_> {
 
     fn for_each_sphere(&self, layers: ContactLayers, mut visit: impl FnMut(Entity, Option<u32>, Vec3, f32)) {
         let meets = |own: Option<&ContactLayers>| own.copied().unwrap_or_default().meet(layers);
-        for (entity, particle, transform, own) in &self.particles {
-            if meets(own) {
-                visit(entity, None, transform.translation(), particle.radius);
+        for (entity, particle, own) in &self.particles {
+            let place = self.places.compute_global_transform(entity);
+            if let (true, Ok(place)) = (meets(own), place) {
+                visit(entity, None, place.translation(), particle.radius);
             }
         }
         for (entity, net, own) in &self.nets {
