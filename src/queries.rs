@@ -34,7 +34,6 @@ pub struct ParticleHit {
 ///
 /// ```
 /// # use bevy::prelude::*;
-use bevy::transform::helper::TransformHelper;
 /// # use bevy_mass_spring::prelude::*;
 /// fn look_down(mut queries: ParticleQueries) {
 ///     let ray = Ray3d::new(Vec3::Y * 10.0, Dir3::NEG_Y);
