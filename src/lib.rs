@@ -96,7 +96,9 @@ pub mod prelude {
         AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
     };
     #[cfg(feature = "render")]
-    pub use crate::render::{MassSpringRenderPlugin, NetMesh, NetSkin, RopeLinks, RopeMesh, RopeRibbon};
+    pub use crate::render::{
+        MassSpringRenderPlugin, NetMesh, NetSkin, RopeCrowd, RopeLinks, RopeMesh, RopeRibbon,
+    };
     pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
