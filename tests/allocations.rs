@@ -158,3 +158,17 @@ fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
         assert_eq!(surplus(|app| moving_net(app, settings, balloon(), held.clone())), 0, "{settings:?}");
     }
 }
+
+/// Links go in while it runs: parameters and pins change in each tick, in place.
+#[test]
+fn a_tick_of_a_winch_allocates_no_more_than_an_empty_app() {
+    let rope = || Rope::new(1.0).with_segments(20).topology().expect("sound");
+    for settings in [scheme(Integrator::SemiImplicitEuler, 8), scheme(Integrator::ImplicitEuler, 1)] {
+        let surplus = surplus(|app| {
+            let held = moving_net(app, settings, rope(), Part::Start);
+            app.world_mut().entity_mut(held).insert(Winch { speed: -0.2, ..default() });
+            held
+        });
+        assert_eq!(surplus, 0, "{settings:?}");
+    }
+}

@@ -148,7 +148,8 @@ fn hit_net(
         if !RayCast3d::from_ray(ray, f32::MAX).intersects(&bounds) {
             return None;
         }
-        let hit = net.cast_ray_at(places, ray.origin, ray.direction).filter(|hit| is_present(&hit.particle))?;
+        let hit =
+            net.cast_ray_at(places, ray.origin, ray.direction).filter(|hit| is_present(&hit.particle))?;
         let NetHit { particle, triangle, distance, .. } = hit;
         Some((Handle::of_net(entity, particle), Hit { depth: distance, miss: 0.0, triangle }))
     };

@@ -13,8 +13,7 @@ use crate::render::easing::{self, NetEasing};
 #[cfg(not(feature = "render"))]
 type NetData = (Entity, Ref<'static, ParticleNet>, Option<&'static RenderLayers>);
 #[cfg(feature = "render")]
-type NetData =
-    (Entity, Ref<'static, ParticleNet>, Option<&'static RenderLayers>, Option<&'static NetEasing>);
+type NetData = (Entity, Ref<'static, ParticleNet>, Option<&'static RenderLayers>, Option<&'static NetEasing>);
 
 /// All nets.
 #[derive(SystemParam)]

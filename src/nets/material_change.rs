@@ -56,9 +56,10 @@ impl ParticleNet {
             && (springs.len(), rods.len()) == (laid_out.springs.len(), laid_out.rods.len())
             && *triangles == laid_out.triangles
             && *hinges == laid_out.hinges
-            && springs.iter().zip(&laid_out.springs).all(|((ends, spring), (old_ends, old))| {
-                ends == old_ends && plain(spring) == plain(old)
-            })
+            && springs
+                .iter()
+                .zip(&laid_out.springs)
+                .all(|((ends, spring), (old_ends, old))| ends == old_ends && plain(spring) == plain(old))
     }
 }
 
@@ -191,18 +192,18 @@ impl<'a> Change<'a> {
 type Bends<const N: usize> = [([u32; N], Bend<N>)];
 
 /// What becomes of a bend. Those that were added are like the first.
-fn changed_bend<const N: usize>(
-    number: u32,
-    present: Bend<N>,
-    old: &Bends<N>,
-    new: &Bends<N>,
-) -> Bend<N> {
+fn changed_bend<const N: usize>(number: u32, present: Bend<N>, old: &Bends<N>, new: &Bends<N>) -> Bend<N> {
     let number = if (number as usize) < old.len() { number as usize } else { 0 };
     let Some((_, old)) = old.get(number) else { return present };
     // A material that does not resist bending has no bends.
     let Some((_, new)) = new.get(number) else { return Bend { stiffness: 0.0, damping: 0.0, ..present } };
     let share = ratio(present.stiffness, old.stiffness);
-    Bend { rest_length: new.rest_length, stiffness: new.stiffness * share, damping: new.damping * share, ..present }
+    Bend {
+        rest_length: new.rest_length,
+        stiffness: new.stiffness * share,
+        damping: new.damping * share,
+        ..present
+    }
 }
 
 fn ratio(present: f32, old: f32) -> f32 {

@@ -262,7 +262,13 @@ fn face(facing: Vec3A, axes: &[Vec3A], normals: &mut Vec<Vec3A>) {
 }
 
 /// Normals that turn about the strand as little as possible.
-pub(super) fn roll(strand: &Strand, start: &[Vec3A; 2], centres: &[Vec3A], axes: &[Vec3A], normals: &mut Vec<Vec3A>) {
+pub(super) fn roll(
+    strand: &Strand,
+    start: &[Vec3A; 2],
+    centres: &[Vec3A],
+    axes: &[Vec3A],
+    normals: &mut Vec<Vec3A>,
+) {
     let [axis_at_rest, normal_at_rest] = *start;
     let turn = Quat::from_rotation_arc(axis_at_rest.into(), axes[0].into());
     let mut normal = orthonormal(turn * normal_at_rest, axes[0]);

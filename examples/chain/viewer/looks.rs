@@ -27,14 +27,7 @@ pub fn plugin(app: &mut App) {
         .add_systems(Startup, draw_only_the_grip)
         .add_systems(
             Update,
-            (
-                add_ball_looks,
-                add_link_looks,
-                add_net_looks,
-                add_plane_looks,
-                remove_link_looks,
-                update_balls,
-            ),
+            (add_ball_looks, add_link_looks, add_net_looks, add_plane_looks, remove_link_looks, update_balls),
         )
         .add_systems(
             PostUpdate,
@@ -83,6 +76,21 @@ impl FromWorld for Looks {
         let ground = meshes.add(Plane3d::new(Vec3::Y, Vec2::splat(60.0)));
         let grid = meshes.add(grid_mesh());
         let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
+        let surfaces = [
+            Color::srgb(0.62, 0.14, 0.16),
+            Color::srgb(0.12, 0.36, 0.60),
+            Color::srgb(0.86, 0.70, 0.34),
+            Color::srgb(0.20, 0.48, 0.28),
+        ];
+        // Cloths are seen from both sides.
+        let surface = |color: Color| StandardMaterial {
+            base_color: color,
+            perceptual_roughness: 0.8,
+            double_sided: true,
+            cull_mode: None,
+            ..default()
+        };
+        let surfaces = surfaces.into_iter().map(|color| materials.add(surface(color))).collect();
         let mut paint = |color: Color, roughness: f32| {
             let base = StandardMaterial { base_color: color, perceptual_roughness: roughness, ..default() };
             materials.add(base)
@@ -97,22 +105,7 @@ impl FromWorld for Looks {
             rest.mix(if stretch < 0.0 { &push } else { &pull }, stretch.abs())
         };
         let rope = paint(Color::srgb(0.70, 0.58, 0.38), 0.85);
-        let surfaces = [
-            Color::srgb(0.62, 0.14, 0.16),
-            Color::srgb(0.12, 0.36, 0.60),
-            Color::srgb(0.86, 0.70, 0.34),
-            Color::srgb(0.20, 0.48, 0.28),
-        ];
         let links = shares(STEPS).map(|share| paint(link(share), 0.5)).collect();
-        // Cloths are seen from both sides.
-        let surface = |color: Color| StandardMaterial {
-            base_color: color,
-            perceptual_roughness: 0.8,
-            double_sided: true,
-            cull_mode: None,
-            ..default()
-        };
-        let surfaces = surfaces.into_iter().map(|color| materials.add(surface(color))).collect();
         Self {
             sphere,
             cylinder,
@@ -264,13 +257,15 @@ fn place_links(
 ) {
     for (link, mut transform, mut material, mut visibility, mut inherited) in &mut links {
         let placed = springs.get(link.0).ok().and_then(|spring| {
-            let [(first, first_particle), (second, second_particle)] = ends.get_many(spring.particles).ok()?;
+            let [(first, first_particle), (second, second_particle)] =
+                ends.get_many(spring.particles).ok()?;
             let (first, second) = (first.translation(), second.translation());
             let between = second - first;
             let direction = between
                 .try_normalize()
                 .filter(|_| first.abs().max(second.abs()).max_element() < MAX_DISTANCE)?;
-            let radius = |particle: Option<&Particle>| particle.map_or(f32::INFINITY, |particle| particle.radius);
+            let radius =
+                |particle: Option<&Particle>| particle.map_or(f32::INFINITY, |particle| particle.radius);
             let radius = radius(first_particle).min(radius(second_particle));
             let thickness = (0.28 * radius).clamp(0.004, 0.02);
             material.set_if_neq(MeshMaterial3d(looks.link(spring, between.length()).clone()));

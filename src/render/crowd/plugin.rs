@@ -167,11 +167,7 @@ fn give_back(gone: On<Discard, CrowdPlace>, places: Query<&CrowdPlace>, mut crow
 }
 
 /// What is of no crowd any more gets back what it had.
-fn leave(
-    removed: On<Remove, CrowdPlace>,
-    materials: Query<&OwnMaterial>,
-    mut commands: Commands,
-) {
+fn leave(removed: On<Remove, CrowdPlace>, materials: Query<&OwnMaterial>, mut commands: Commands) {
     let mut entity = commands.entity(removed.entity);
     entity.try_remove::<(MeshTag, OwnMaterial, MeshMaterial3d<RopeCrowdMaterial>)>();
     if let Ok(OwnMaterial(material)) = materials.get(removed.entity) {

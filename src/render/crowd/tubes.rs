@@ -28,9 +28,8 @@ impl Tube {
             let rings = self.profile.rings as usize;
             let last = (strand.particles.len() - 1) * rings;
             let caps = self.cap_rings(strand);
-            let along = |ring: usize| {
-                (first + MARGIN + ring / rings) as f32 + (ring % rings) as f32 / rings as f32
-            };
+            let along =
+                |ring: usize| (first + MARGIN + ring / rings) as f32 + (ring % rings) as f32 / rings as f32;
             let cap = |ring: u32| ring as f32 / caps as f32;
             let begin = (1..=caps).rev().map(|ring| [along(0), -cap(ring)]);
             let middle = (0..=last).map(|ring| [along(ring), 0.0]);
@@ -73,14 +72,14 @@ mod tests {
                 [-1.0, 0.0, 1.0, 2.0].map(|offset| place((entry + offset).min(entries.len() as f32 - 1.0)));
             let (outer, inner) = (-0.5 * t * (1.0 - t), 1.0 - t);
             let bent = 0.5 * t * inner * (1.0 - 2.0 * t);
-            from * (inner + bent) + to * (t - bent)
+            from * (inner + bent)
+                + to * (t - bent)
                 + (before - from) * (outer * inner)
                 + (after - to) * (outer * t)
         };
         let [_, _, _, rings, u, v, w, radius] = entries[along.floor() as usize];
         let axis = |along: f32| {
-            let [before, here, after] =
-                [along - 1.0 / rings, along, along + 1.0 / rings].map(centre);
+            let [before, here, after] = [along - 1.0 / rings, along, along + 1.0 / rings].map(centre);
             let sum = (here - before).normalize_or_zero() + (after - here).normalize_or_zero();
             sum.normalize_or(Vec3A::NEG_Y)
         };
