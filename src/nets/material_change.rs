@@ -169,7 +169,8 @@ impl<'a> Change<'a> {
         changed_bend(number, present, &self.old.rods, &self.new.rods)
     }
 
-    /// Gives a net without bends those of its new material, but for those that a tear or a break has to do with.
+    /// Gives a net without bends those of its new material, but for those that a tear or a break has to do with; takes
+    /// them away where the new material has none.
     fn add_bends(&self, topology: &mut Topology) {
         let mut is_split = vec![false; topology.positions.len()];
         let copies = self.origin.get(self.old.positions.len()..).unwrap_or_default();
@@ -180,10 +181,14 @@ impl<'a> Change<'a> {
             !ends.iter().any(|end| is_split[*end as usize])
                 && !gone.iter().any(|gone| gone.iter().all(|end| ends.contains(end)))
         };
-        if topology.rods.is_empty() {
+        if self.new.rods.is_empty() {
+            topology.rods.clear();
+        } else if topology.rods.is_empty() {
             topology.rods.extend(self.new.rods.iter().filter(|(ends, _)| is_whole(ends)));
         }
-        if topology.hinges.is_empty() {
+        if self.new.hinges.is_empty() {
+            topology.hinges.clear();
+        } else if topology.hinges.is_empty() {
             topology.hinges.extend(self.new.hinges.iter().filter(|(ends, _)| is_whole(ends)));
         }
     }

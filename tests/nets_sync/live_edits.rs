@@ -130,9 +130,9 @@ fn a_winch_goes_on_in_another_material_and_mends_nothing() {
     app.world_mut().entity_mut(rope).insert(Breaking { force: Some(4.0), ..default() });
     run(&mut app, 60);
     let after = net(&app, rope);
-    assert_eq!(after.broken().len(), 1);
-    assert_broken(after.topology(), after.broken()[0]);
-    assert_eq!(after.pieces(), 2);
+    assert!(!after.broken().is_empty());
+    after.broken().iter().for_each(|spring| assert_broken(after.topology(), *spring));
+    assert_eq!(after.pieces(), after.broken().len() + 1);
 }
 
 /// Its end stays its end, however much rope comes in before it.

@@ -51,8 +51,7 @@ pub fn shows_a_crowd_as_ropes() -> Outcome {
         .map(|number| {
             let x = -1.2 + 0.2 * f32::from(number);
             let ends = [Vec3::new(x, 1.9, 0.8), Vec3::new(x + 0.5, 1.4, 1.1)];
-            let slack = 0.1 + 0.1 * f32::from(number % 4);
-            let rope = Rope::hanging(ends[0], ends[1], slack).with_segments(24).with_radius(0.02);
+            let rope = Rope::hanging(ends[0], ends[1], 0.3).with_segments(24).with_radius(0.02);
             world.spawn((rope, RopeMesh::default(), MeshMaterial3d(paint.clone()))).id()
         })
         .collect();

@@ -57,13 +57,15 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
         white,
         related!(Parts[(Part::Start, Pinned), (Part::End, Attachment::to(knot))]),
     ));
-    // The ground holds it where it stands.
-    let foot = Part::Particle(bottom);
     let blue = stage.metal(Color::srgb(0.1, 0.3, 0.8));
     let ball = Balloon::sphere(Sphere::new(0.45))
         .with_subdivisions(3)
         .with_material(BalloonMaterial { pressure: 60.0, ..material });
     let ball = Balloon { radius: 0.02, ..ball };
+    // It is glued to the ground, so that it does not roll away under the fist.
+    let places = ball.topology().map(|topology| topology.positions).unwrap_or_default();
+    let foot = (0..).zip(places).filter(|(_, place)| place.y < -0.9 * 0.45).map(|(number, _)| number);
+    let foot = Part::Particles(foot.collect());
     let ball = stage.spawn((ball, NetMesh, blue, Transform::from_xyz(0.8, 0.48, 0.0)));
     stage.spawn((PartOf(ball), foot, Pinned));
     let lead = stage.metal(Color::srgb(0.3, 0.3, 0.33));
