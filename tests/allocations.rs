@@ -159,17 +159,16 @@ fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
     }
 }
 
-/// Parameters and pins change in each tick, in place, also where links go in. The implicit scheme finds out anew what hangs
-/// together when a link does.
+/// Parameters and pins change in each tick, in place, also where links go in. (The implicit schemes find out anew what hangs
+/// together when parameters change.)
 #[test]
 fn a_tick_of_a_winch_allocates_no_more_than_an_empty_app() {
     let rope = || Rope::new(1.0).with_segments(20).topology().expect("sound");
-    for (settings, speed) in
-        [(scheme(Integrator::SemiImplicitEuler, 8), -0.2), (scheme(Integrator::ImplicitEuler, 1), -0.01)]
-    {
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet] {
+        let settings = scheme(integrator, 8);
         let surplus = surplus(|app| {
             let held = moving_net(app, settings, rope(), Part::Start);
-            app.world_mut().entity_mut(held).insert(Winch { speed, ..default() });
+            app.world_mut().entity_mut(held).insert(Winch { speed: -0.2, ..default() });
             held
         });
         assert_eq!(surplus, 0, "{settings:?}");

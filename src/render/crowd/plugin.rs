@@ -44,9 +44,14 @@ impl Plugin for MassSpringCrowdPlugin {
         if !(self.headless || has_renderer) || !has_material {
             return;
         }
-        app.init_asset::<ShaderBuffer>()
-            .init_asset::<StandardMaterial>()
-            .init_resource::<Crowds>()
+        // A collection that is there already would be replaced by an empty one.
+        if !app.world().contains_resource::<Assets<ShaderBuffer>>() {
+            app.init_asset::<ShaderBuffer>();
+        }
+        if !app.world().contains_resource::<Assets<StandardMaterial>>() {
+            app.init_asset::<StandardMaterial>();
+        }
+        app.init_resource::<Crowds>()
             .insert_resource(CrowdSupport)
             .add_systems(
                 PostUpdate,
