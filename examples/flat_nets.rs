@@ -96,7 +96,7 @@ fn spawn_cloth(mut commands: Commands, mut paints: Paints) {
         Breaking { strain: Some(0.3), ..default() },
         red,
         Transform::from_xyz(300.0, 60.0, 2.0),
-        related!(Parts[(Part::Corner(Corner::TopLeft), Pinned), (Part::Corner(Corner::TopRight), Pinned)]),
+        related!(Parts[(Part::Edge(Side::Top), Pinned)]),
     ));
     let iron = paints.color(Color::srgb(0.25, 0.26, 0.3));
     let mesh = Mesh2d(paints.meshes.add(Circle::new(30.0)));

@@ -153,7 +153,7 @@ impl Drawing {
             }
             Shape::Tube(tube) => tube.write(&frame, &mut self.scratch, &mut self.vertices),
             #[cfg(any(feature = "crowd", test))]
-            Shape::Crowd(CrowdShape { tube, entries }) => tube.write_entries(&mut self.scratch, entries),
+            Shape::Crowd(CrowdShape { tube, entries, .. }) => tube.write_entries(&mut self.scratch, entries),
             #[cfg(not(any(feature = "crowd", test)))]
             Shape::Crowd(_) => {}
         }

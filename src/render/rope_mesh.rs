@@ -233,7 +233,7 @@ pub(super) fn prepare_ropes(
             continue;
         }
         if is_of_crowd {
-            let shape = Shape::Crowd(CrowdShape { tube, entries: Vec::new() });
+            let shape = Shape::Crowd(CrowdShape { tube, entries: Vec::new(), has_place: false });
             let drawing = Drawing::new(entity, net, kind, Handle::default()).with_shape(shape);
             commands.entity(entity).try_insert(drawing);
             continue;

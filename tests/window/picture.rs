@@ -47,21 +47,24 @@ pub fn shows_a_crowd_as_ropes() -> Outcome {
     let world = viewer.app.world_mut();
     let paint = StandardMaterial { base_color: Color::srgb(0.9, 0.5, 0.1), ..default() };
     let paint = world.resource_mut::<Assets<StandardMaterial>>().add(paint);
-    let ropes: Vec<Entity> = (0..12_u8)
-        .map(|number| {
-            let x = -1.2 + 0.2 * f32::from(number);
-            let ends = [Vec3::new(x, 1.9, 0.8), Vec3::new(x + 0.5, 1.4, 1.1)];
-            let rope = Rope::hanging(ends[0], ends[1], 0.3).with_segments(24).with_radius(0.02);
-            world.spawn((rope, RopeMesh::default(), MeshMaterial3d(paint.clone()))).id()
-        })
-        .collect();
+    let spawn = |world: &mut World, number: u8| {
+        let x = -1.2 + 0.2 * f32::from(number);
+        let ends = [Vec3::new(x, 1.9, 0.8), Vec3::new(x + 0.5, 1.4, 1.1)];
+        let rope = Rope::hanging(ends[0], ends[1], 0.3).with_segments(24).with_radius(0.02);
+        world.spawn((rope, RopeMesh::default(), MeshMaterial3d(paint.clone()))).id()
+    };
+    let single: Vec<Entity> = (0..12).map(|number| spawn(world, number)).collect();
     viewer.run(6);
-    let single = take(&mut viewer, picture.clone());
+    let of_single = take(&mut viewer, picture.clone());
+    let world = viewer.app.world_mut();
+    single.into_iter().for_each(|rope| drop(world.despawn(rope)));
+    let ropes: Vec<Entity> = (0..12).map(|number| spawn(world, number)).collect();
     for rope in &ropes {
-        viewer.app.world_mut().entity_mut(*rope).insert(RopeCrowd);
+        world.entity_mut(*rope).insert(RopeCrowd);
     }
-    viewer.run(6);
-    let crowd = take(&mut viewer, picture);
+    // Its shader is loaded by then.
+    viewer.run(20);
+    let of_crowd = take(&mut viewer, picture);
     let world = viewer.app.world();
     let meshes: Vec<&Mesh3d> = ropes.iter().map(|rope| world.get::<Mesh3d>(*rope).expect("drawn")).collect();
     assert!(meshes.iter().all(|mesh| *mesh == meshes[0]), "one mesh for all");
@@ -69,8 +72,8 @@ pub fn shows_a_crowd_as_ropes() -> Outcome {
         ropes.iter().map(|rope| world.get::<bevy::mesh::MeshTag>(*rope).expect("a tag").0).collect();
     tags.sort_unstable();
     assert!(tags.windows(2).all(|pair| pair[1] - pair[0] == 25 + 4), "{tags:?}");
-    let (drawn, _) = differences(&without, &single);
-    let (other, worst) = differences(&single, &crowd);
+    let (drawn, _) = differences(&without, &of_single);
+    let (other, worst) = differences(&of_single, &of_crowd);
     println!("{drawn} pixels are drawn by the ropes, {other} differ in the crowd, by {worst} at most");
     // Edges may fall to the other side of a sample.
     assert!(drawn > 5_000 && other * 50 < drawn, "{other} of {drawn} pixels differ, by {worst} at most");

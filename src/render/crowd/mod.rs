@@ -61,7 +61,11 @@ pub(super) type Entry = [f32; 8];
 pub(super) struct CrowdShape {
     pub tube: Tube,
     /// As of this frame.
+    #[cfg_attr(not(feature = "crowd"), allow(dead_code))]
     pub entries: Vec<Entry>,
+    /// Whether it has a place in the buffer.
+    #[cfg_attr(not(feature = "crowd"), allow(dead_code))]
+    pub has_place: bool,
 }
 
 /// Exists where crowds can be drawn.

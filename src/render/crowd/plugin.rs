@@ -147,19 +147,25 @@ impl Crowds {
 
 /// Gives new ropes of crowds, and those that tore, a place and a mesh.
 fn join(
-    drawings: Query<(Entity, Ref<Drawing>, Has<CrowdPlace>), Changed<Drawing>>,
+    mut drawings: Query<(Entity, &mut Drawing, Has<CrowdPlace>), Changed<Drawing>>,
     mut crowds: ResMut<Crowds>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut commands: Commands,
 ) {
-    for (entity, drawing, has_place) in &drawings {
-        if let Some(Shape::Crowd(CrowdShape { tube, .. })) = &drawing.shape {
+    for (entity, mut drawing, is_in_crowd) in &mut drawings {
+        if let Some(Shape::Crowd(CrowdShape { tube, has_place, .. })) =
+            &mut drawing.bypass_change_detection().shape
+        {
+            // What bounds it changes with it, too.
+            if std::mem::replace(has_place, true) {
+                continue;
+            }
             let count = tube.entry_count() as u32;
             let start = crowds.places.take(count);
             let mesh = crowds.mesh_of(tube, &mut meshes);
             let place = CrowdPlace { start, count, mesh: mesh.clone() };
             commands.entity(entity).try_insert((Mesh3d(mesh), MeshTag(start), place));
-        } else if has_place {
+        } else if is_in_crowd {
             commands.entity(entity).try_remove::<(CrowdPlace, MeshTag)>();
         }
     }
