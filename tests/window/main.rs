@@ -198,7 +198,7 @@ fn keys_control() -> Outcome {
 }
 
 /// The field with the mass in the panel, in pixels.
-const MASS_FIELD: Vec2 = Vec2::new(1176.0, 302.0);
+const MASS_FIELD: Vec2 = Vec2::new(1180.0, 366.0);
 
 fn typing_stays_in_the_panel() -> Outcome {
     let mut viewer = Viewer::open(None);

@@ -53,14 +53,11 @@ pub fn shows_a_crowd_as_ropes() -> Outcome {
         let rope = Rope::hanging(ends[0], ends[1], 0.3).with_segments(24).with_radius(0.02);
         world.spawn((rope, RopeMesh::default(), MeshMaterial3d(paint.clone()))).id()
     };
-    let single: Vec<Entity> = (0..12).map(|number| spawn(world, number)).collect();
+    let ropes: Vec<Entity> = (0..12).map(|number| spawn(world, number)).collect();
     viewer.run(6);
     let of_single = take(&mut viewer, picture.clone());
-    let world = viewer.app.world_mut();
-    single.into_iter().for_each(|rope| drop(world.despawn(rope)));
-    let ropes: Vec<Entity> = (0..12).map(|number| spawn(world, number)).collect();
     for rope in &ropes {
-        world.entity_mut(*rope).insert(RopeCrowd);
+        viewer.app.world_mut().entity_mut(*rope).insert(RopeCrowd);
     }
     // Its shader is loaded by then.
     viewer.run(20);
