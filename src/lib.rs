@@ -101,7 +101,9 @@ pub mod prelude {
     };
     pub use crate::queries::{ParticleHit, ParticleQueries};
     #[cfg(feature = "render")]
-    pub use crate::render::{MassSpringRenderPlugin, NetMesh, NetSkin, RopeLinks, RopeMesh, RopeRibbon};
+    pub use crate::render::{
+        MassSpringRenderPlugin, NetMesh, NetSkin, RopeCrowd, RopeLinks, RopeMesh, RopeRibbon,
+    };
     pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};

@@ -77,6 +77,8 @@ impl MassSpringPlugin {
         add_once(app, crate::scene::MassSpringScenePlugin);
         #[cfg(feature = "render")]
         add_once(app, crate::render::MassSpringRenderPlugin);
+        #[cfg(feature = "crowd")]
+        add_once(app, crate::render::MassSpringCrowdPlugin::default());
         #[cfg(feature = "interpolation")]
         if self.interpolation != Some(false) {
             let headless = self.interpolation == Some(true);
@@ -95,6 +97,7 @@ impl Plugin for MassSpringPlugin {
             .init_resource::<OrphanedSprings>()
             .init_resource::<TickReport>()
             .add_message::<ParticleFault>()
+            .add_message::<Broke>()
             .configure_sets(
                 self.schedule,
                 (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter).chain(),

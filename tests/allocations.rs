@@ -158,3 +158,19 @@ fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
         assert_eq!(surplus(|app| moving_net(app, settings, balloon(), held.clone())), 0, "{settings:?}");
     }
 }
+
+/// Parameters and pins change in each tick, in place, also where links go in. (The implicit schemes find out anew what hangs
+/// together when parameters change.)
+#[test]
+fn a_tick_of_a_winch_allocates_no_more_than_an_empty_app() {
+    let rope = || Rope::new(1.0).with_segments(20).topology().expect("sound");
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet] {
+        let settings = scheme(integrator, 8);
+        let surplus = surplus(|app| {
+            let held = moving_net(app, settings, rope(), Part::Start);
+            app.world_mut().entity_mut(held).insert(Winch { speed: -0.2, ..default() });
+            held
+        });
+        assert_eq!(surplus, 0, "{settings:?}");
+    }
+}

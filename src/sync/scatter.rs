@@ -155,6 +155,7 @@ fn move_child(
 pub(super) struct Publications<'w, 's> {
     commands: Commands<'w, 's>,
     faults: MessageWriter<'w, ParticleFault>,
+    broke: MessageWriter<'w, Broke>,
     contacts: Option<ResMut<'w, Messages<Contact>>>,
     forces: Option<ResMut<'w, SpringForces>>,
     springs: Query<'w, 's, &'static mut Spring>,
@@ -194,7 +195,9 @@ impl Publications<'_, '_> {
             }
             let (tick, tension, point) = (report.tick, broken.tension, broken.point + state.solver.origin);
             self.commands.entity(entity).try_insert(Broken);
-            self.commands.trigger(Broke { entity, tick, tension, point, spring: None, pieces: None });
+            let broke = Broke { entity, tick, tension, point, spring: None, pieces: None };
+            self.commands.trigger(broke);
+            self.broke.write(broke);
             report.broken += 1;
         }
         for &slot in &outputs.yielded {
