@@ -349,7 +349,7 @@ impl ContactCaches {
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
-            narrow::find(candidates, bodies, acceleration, rebound, up, pair_contacts);
+            narrow::find(candidates, bodies, acceleration, rebound, (up, settings.is_flat), pair_contacts);
         }
     }
 
