@@ -77,7 +77,7 @@ pub mod prelude {
     pub use crate::MassSpringInterpolationPlugin;
     pub use crate::bend::Bend;
     pub use crate::collider::{
-        ColliderMotion, ColliderShape, CollisionSettings, CombineRule, Contact, ContactLayers,
+        ColliderMotion, ColliderPart, ColliderShape, CollisionSettings, CombineRule, Contact, ContactLayers,
         ContactMaterial, ParticleCollider,
     };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
