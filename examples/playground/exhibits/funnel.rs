@@ -4,6 +4,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use bevy_egui::egui::Ui;
+use bevy_mass_spring::nets::TriangleMesh;
 use bevy_mass_spring::prelude::*;
 
 use crate::frame::slider;

@@ -2,6 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_egui::egui::Ui;
+use bevy_mass_spring::nets::TriangleMesh;
 use bevy_mass_spring::prelude::*;
 
 use crate::frame::slider;
