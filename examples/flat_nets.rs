@@ -42,7 +42,7 @@ fn spawn_ground(mut commands: Commands, mut paints: Paints) {
     let mesh = Mesh2d(paints.meshes.add(Rectangle::new(3000.0, 400.0)));
     // The particles are above y = 0 of the plane, what is drawn of it is below.
     commands.spawn((
-        PlaneCollider { restitution: 0.2, friction: 0.5 },
+        ParticleCollider::half_space().with_restitution(0.2).with_friction(0.5),
         Transform::from_xyz(0.0, GROUND, -1.0),
         Visibility::default(),
         children![(mesh, earth, Transform::from_xyz(0.0, -200.0, 0.0))],

@@ -78,8 +78,8 @@ pub mod prelude {
     pub use crate::MassSpringInterpolationPlugin;
     pub use crate::bend::Bend;
     pub use crate::collider::{
-        ColliderMotion, ColliderShape, CollisionSettings, CombineRule, Contact, ContactEnded, ContactEvents,
-        ContactLayers, ContactMaterial, ContactStarted, ParticleCollider,
+        ColliderMotion, ColliderPart, ColliderShape, CollisionSettings, CombineRule, Contact, ContactEnded,
+        ContactEvents, ContactLayers, ContactMaterial, ContactStarted, ParticleCollider,
     };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]

@@ -205,6 +205,8 @@ pub struct StepSettings {
     /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
     /// to that of the other, where particles collide. Default false.
     pub collide_springs: bool,
+    /// Whether all motion is in a plane of constant z: what is in one place parts within it. Default false.
+    pub is_flat: bool,
 }
 
 impl Default for StepSettings {
@@ -221,6 +223,7 @@ impl Default for StepSettings {
             collide_with_colliders: true,
             pair_rules: None,
             collide_springs: false,
+            is_flat: false,
         }
     }
 }

@@ -62,7 +62,7 @@ pub(crate) fn step(
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
     if std::mem::take(&mut state.may_coincide) {
-        part_coincident(&state.elements, &mut state.particles, settings.gravity);
+        part_coincident(&state.elements, &mut state.particles, (settings.gravity, settings.is_flat));
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
     caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);

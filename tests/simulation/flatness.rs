@@ -184,3 +184,30 @@ fn two_dimensions_far_away() {
         assert!(app.world().resource::<TickReport>().faults == 0);
     }
 }
+
+/// Balls in one place, and a spring whose ends are in one place, part within the plane of motion.
+#[test]
+fn what_is_in_one_place_parts_in_the_plane() {
+    let (radius, rest_length) = (0.1, 0.5);
+    let mut app = flat_app(scheme(Integrator::SemiImplicitEuler, 8));
+    app.world_mut().resource_mut::<Environment>().gravity = Vec3::ZERO;
+    let mut pairs = Vec::new();
+    for number in 0..20_u8 {
+        let place = Vec3::X * f32::from(number);
+        pairs.push([spawn(&mut app, 1.0, radius, place), spawn(&mut app, 1.0, radius, place)]);
+    }
+    let ends = [-1.0; 2].map(|x| spawn(&mut app, 1.0, 0.0, Vec3::X * x));
+    // At critical damping for the reduced mass of 0.5 kg, in the medium only.
+    let spring = Spring::new(ends[0], ends[1], rest_length).with_stiffness(50.0).with_damping(10.0);
+    app.world_mut().spawn(spring);
+    run(&mut app, 300);
+    let apart = |[one, other]: [Entity; 2]| {
+        let place = |of| app.world().get::<Transform>(of).unwrap().translation.truncate();
+        place(one).distance(place(other))
+    };
+    for pair in pairs {
+        assert!(apart(pair) >= 2.0 * radius - 1e-5, "{}", apart(pair));
+    }
+    // e^(-10 · 4.7) of the way is left.
+    assert!((apart(ends) - rest_length).abs() < 1e-5, "{}", apart(ends));
+}

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::slider;
+use crate::frame::{log_slider, slider};
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
@@ -126,7 +126,7 @@ fn draw(mut ui: InMut<Ui>, mut drawn: ResMut<Drawn>, mut curtains: Query<&mut Cl
     }
     for mut curtain in &mut curtains {
         let mut bending = curtain.material.bending_stiffness * 1e6;
-        if super::log_slider(&mut ui, "bending stiffness", "µN·m", &mut bending, 0.1..=2e3) {
+        if log_slider(&mut ui, "bending stiffness", "µN·m", &mut bending, 0.1..=2e3) {
             curtain.material.bending_stiffness = bending * 1e-6;
         }
     }

@@ -324,7 +324,8 @@ impl ContactCaches {
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
-            narrow::find(candidates, bodies, (acceleration, skins), rebound, up, pair_contacts);
+            let sides = (up, settings.is_flat);
+            narrow::find(candidates, bodies, (acceleration, skins), rebound, sides, pair_contacts);
         }
     }
 
