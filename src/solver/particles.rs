@@ -170,8 +170,6 @@ pub(crate) struct Particles {
     mass_version: Version,
     free_version: Version,
     added_version: Version,
-    #[cfg_attr(feature = "serialize", serde(default))]
-    shape_version: Version,
 }
 
 impl Particles {
@@ -248,7 +246,6 @@ impl Particles {
 
     pub fn set_radius(&mut self, slot: usize, radius: f32) {
         self.radius[slot] = radius;
-        self.shape_version = Version::new();
     }
 
     /// Whether a particle belongs to a family.
@@ -266,7 +263,6 @@ impl Particles {
         self.families += u32::from(is_one);
         let family = if is_one { self.families } else { 0 };
         slots.for_each(|slot| self.family[slot] = family);
-        self.shape_version = Version::new();
     }
 
     /// Removes all particles.
@@ -275,7 +271,6 @@ impl Particles {
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
         self.added_version = self.mass_version;
-        self.shape_version = self.mass_version;
     }
 
     /// Moves each particle to the slot `new_slots[old]`.
@@ -292,7 +287,6 @@ impl Particles {
         }
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
-        self.shape_version = self.mass_version;
     }
 
     /// Changes with the mass of a particle, or when one is pinned or freed.
@@ -303,11 +297,6 @@ impl Particles {
     /// Changes when the set of free particles does.
     pub(super) fn free_version(&self) -> Version {
         self.free_version
-    }
-
-    /// Changes with radii and families.
-    pub(super) fn shape_version(&self) -> Version {
-        self.shape_version
     }
 
     /// Changes when a particle is added or removed.
