@@ -71,7 +71,7 @@ fn spawn_ground(mut commands: Commands) {
     ] {
         // The particles are above y = 0 of the plane, its sprite is below.
         let below = (grey.clone(), Transform::from_xyz(0.0, -200.0, 0.0));
-        commands.spawn((ground, transform, Visibility::default(), children![below]));
+        commands.spawn((ground.clone(), transform, Visibility::default(), children![below]));
     }
     for ball in 0..24_u8 {
         let number = f32::from(ball);
