@@ -38,7 +38,7 @@ pub struct ParticleHit {
 /// fn look_down(mut queries: ParticleQueries) {
 ///     let ray = Ray3d::new(Vec3::Y * 10.0, Dir3::NEG_Y);
 ///     if let Some(hit) = queries.cast_ray(ray, 20.0, ContactLayers::default()) {
-///         info!("{} is {} m below", hit.entity, hit.distance);
+///         println!("{} is {} m below", hit.entity, hit.distance);
 ///     }
 /// }
 /// ```

@@ -66,7 +66,7 @@ pub struct ContactEnded {
 /// # fn spawn(mut commands: Commands) {
 /// commands
 ///     .spawn((ParticleCollider::from(Sphere::new(1.0)).as_sensor(), ContactEvents))
-///     .observe(|started: On<ContactStarted>| info!("{} came in", started.other));
+///     .observe(|started: On<ContactStarted>| println!("{} came in", started.other));
 /// # }
 /// ```
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq)]

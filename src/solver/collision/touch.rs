@@ -66,7 +66,7 @@ impl Touch {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
         let change = self.target_velocity - relative.dot(self.normal);
         // Neither of NaN.
-        if !(change > 0.0) {
+        if change.is_nan() || change <= 0.0 {
             return;
         }
         let rubbed = friction(tangential(relative, self.normal), self.friction * change);
@@ -80,7 +80,7 @@ impl Touch {
         let place = self.sum(bodies, |body| body.position);
         let depth = self.depth - (place - self.place).dot(self.normal);
         // Neither of NaN.
-        if !(depth > 0.0) {
+        if depth.is_nan() || depth <= 0.0 {
             return;
         }
         let mut correction = self.normal * depth;

@@ -266,7 +266,7 @@ impl Mesh {
             false if crossings[0].is_finite() => return None,
             false => best.filter(|(gap, _)| *gap <= within)?.1,
         };
-        if part < MIN_WEIGHT || part > 1.0 - MIN_WEIGHT {
+        if !(MIN_WEIGHT..=1.0 - MIN_WEIGHT).contains(&part) {
             return None;
         }
         let nearest = self.nearest(ends[0].lerp(ends[1], part), 0.0);

@@ -64,12 +64,12 @@ impl Placement {
         Self { rotation, point: pose.point.as_dvec3() }
     }
 
-    pub fn to_local(&self, point: DVec3) -> DVec3 {
+    pub fn to_local(self, point: DVec3) -> DVec3 {
         // The inverse of a rotation is its transpose.
         self.rotation.transpose() * (point - self.point)
     }
 
-    pub fn to_world(&self, point: DVec3) -> DVec3 {
+    pub fn to_world(self, point: DVec3) -> DVec3 {
         self.rotation * point + self.point
     }
 }

@@ -76,7 +76,7 @@ impl Shape {
             }
             time += gap / length;
             // Neither of NaN.
-            if !(time <= 1.0) {
+            if time.is_nan() || time > 1.0 {
                 return None;
             }
         }

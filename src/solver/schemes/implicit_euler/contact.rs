@@ -50,6 +50,10 @@ pub(super) struct Contact {
 
 /// What a particle touches.
 #[derive(Debug, Clone)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most are obstacles, and a list of them is walked in each iteration"
+)]
 pub(super) enum Partner {
     Obstacle(Obstacle),
     /// Another node, which it is not to come closer to than `reach` m along `normal`.
