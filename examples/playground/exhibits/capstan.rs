@@ -38,6 +38,10 @@ fn spawn(mut stage: Stage) {
     let look = Mesh3d(stage.meshes.add(beam));
     let across =
         Transform::from_xyz(0.0, BEAM, 0.0).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
+    for x in [-1.1, 1.1] {
+        let post = Cylinder::new(0.07, BEAM - RADIUS);
+        stage.solid(post, wood.clone(), Transform::from_xyz(x, 0.5 * (BEAM - RADIUS), 0.0));
+    }
     stage.spawn((Beam, ParticleCollider::from(beam).with_friction(0.3), look, wood, across));
     let hemp = stage.paint(Color::srgb(0.70, 0.58, 0.38));
     let iron = stage.metal(Color::srgb(0.3, 0.3, 0.33));

@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use crate::frame::slider;
+use crate::frame::{log_slider, slider};
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
@@ -74,10 +74,21 @@ fn pull(pulling: Res<Pull>, time: Res<Time>, mut ends: Query<(&mut End, &mut Tra
     }
 }
 
-fn draw(mut ui: InMut<Ui>, mut collisions: ResMut<CollisionSettings>, mut pulling: ResMut<Pull>) {
+fn draw(
+    mut ui: InMut<Ui>,
+    mut collisions: ResMut<CollisionSettings>,
+    mut pulling: ResMut<Pull>,
+    mut ropes: Query<&mut Rope>,
+) {
     let mut friction = collisions.friction;
     if slider(&mut ui, "friction", "", &mut friction, 0.0..=1.0) {
         collisions.friction = friction;
+    }
+    for mut rope in &mut ropes {
+        let mut stiffness = rope.material.stretch_stiffness;
+        if log_slider(&mut ui, "stretch stiffness", "N", &mut stiffness, 3e2..=1e5) {
+            rope.material.stretch_stiffness = stiffness;
+        }
     }
     slider(&mut ui, "ends pulled by", "m", &mut pulling.way, 0.0..=WAY);
 }
