@@ -96,8 +96,6 @@ enum Kind {
         half_height: f64,
     },
     Mesh(Arc<Mesh>),
-    /// A mesh that is convex.
-    Hull(Arc<Mesh>),
     Compound(Arc<[Part]>),
     /// Where it cuts the plane z = 0 in which particles move.
     Flat(Arc<Shape>),
@@ -160,7 +158,7 @@ impl Shape {
         if mesh.kind != MeshKind::Solid {
             return Err(MeshError::Degenerate);
         }
-        Ok(Self(Kind::Hull(Arc::new(mesh))))
+        Ok(Self(Kind::Mesh(Arc::new(mesh))))
     }
 
     /// The union of shapes at their places.
@@ -201,7 +199,7 @@ impl Shape {
             Kind::Capsule { radius, half_length } => primitives::capsule(point, *radius, *half_length),
             Kind::Cuboid { half_size } => primitives::cuboid(point, *half_size),
             Kind::Frustum { radii, half_height } => primitives::frustum(point, *radii, *half_height),
-            Kind::Mesh(mesh) | Kind::Hull(mesh) => mesh.nearest(point, side),
+            Kind::Mesh(mesh) => mesh.nearest(point, side),
             Kind::Compound(parts) => {
                 let mut least = Nearest { distance: f64::INFINITY, normal: DVec3::Y };
                 for part in parts.iter() {
@@ -224,7 +222,7 @@ impl Shape {
     /// farther away, or may be around the point.
     pub(in crate::solver) fn nearest_within(&self, point: DVec3, within: f64) -> Option<Nearest> {
         match &self.0 {
-            Kind::Mesh(mesh) | Kind::Hull(mesh) => mesh.nearest_within(point, 0.0, within),
+            Kind::Mesh(mesh) => mesh.nearest_within(point, 0.0, within),
             Kind::Flat(shape) => shape.nearest_within(point, within),
             _ => Some(self.nearest(point, 0.0)),
         }
@@ -233,7 +231,7 @@ impl Shape {
     /// No other mesh has the same.
     pub(in crate::solver) fn version(&self) -> Version {
         match &self.0 {
-            Kind::Mesh(mesh) | Kind::Hull(mesh) => mesh.version,
+            Kind::Mesh(mesh) => mesh.version,
             Kind::Flat(shape) => shape.version(),
             _ => Version::default(),
         }
@@ -252,7 +250,7 @@ impl Shape {
             Kind::Ball { radius } | Kind::Capsule { radius, .. } => *radius,
             Kind::Cuboid { half_size } => half_size.min_element(),
             Kind::Frustum { radii: [bottom, top], half_height } => bottom.min(*top).min(*half_height),
-            Kind::Mesh(_) | Kind::Hull(_) => 0.0,
+            Kind::Mesh(_) => 0.0,
             Kind::Compound(parts) => {
                 parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min)
             }
@@ -299,7 +297,7 @@ impl Shape {
                 let radius = bottom.max(*top);
                 of_half(DVec3::new(radius, *half_height, radius))
             }
-            Kind::Mesh(mesh) | Kind::Hull(mesh) => {
+            Kind::Mesh(mesh) => {
                 let Bounds { low, high } = mesh.bounds;
                 match mesh.kind {
                     // All below it is inside, however deep.
