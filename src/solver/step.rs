@@ -1,7 +1,7 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::air::Air;
-use crate::solver::collision::{ContactCaches, Plane, Substep, Surfaces, Surroundings};
+use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surfaces, Surroundings};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
@@ -12,13 +12,15 @@ use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
 
-/// What moves the particles and planes in a tick, apart from the physics.
+/// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
     /// Where each pinned particle goes; one that is not listed moves at its velocity.
     pub pinned: Vec<PinnedMotion>,
-    /// The planes.
-    pub planes: Vec<Plane>,
+    /// The colliders.
+    pub colliders: Vec<Collider>,
+    /// The surfaces of particles by slot; of those beyond its end as of any.
+    pub skins: Vec<Skin>,
 }
 
 /// All that is derived from the state, and working memory. New ones give the same results.
@@ -61,14 +63,20 @@ pub(crate) fn step(
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
     if std::mem::take(&mut state.may_coincide) {
-        part_coincident(&state.elements, &mut state.particles, settings.gravity);
+        part_coincident(&state.elements, &mut state.particles, (settings.gravity, settings.is_flat));
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
+    caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
     caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, settings);
     caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
-        caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
+        caches.contacts.begin_substep(
+            &state.contacts,
+            &state.particles.position,
+            &inputs.colliders,
+            settings,
+        );
         caches.surfaces.begin_substep(&state.particles);
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
@@ -83,7 +91,8 @@ pub(crate) fn step(
         }
         let substep = Substep {
             elements: &state.elements,
-            planes: &inputs.planes,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
             acceleration: &caches.scratch.acceleration,
             settings,
             integrator: plan.integrator,
@@ -296,8 +305,12 @@ impl Caches {
             Some(Position { done, count, .. }) => index - done + count,
             None => index + 1,
         };
+        let (features, features_version) = self.contacts.features();
         let surroundings = Surroundings {
-            planes: &inputs.planes,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
+            features,
+            features_version,
             settings,
             memory: contacts,
             elapsed: step_end as f32 / plan.substeps as f32,

@@ -16,6 +16,7 @@ use crate::solver::{
 use super::Simulation;
 use super::gather::Gathered;
 use super::state::MassSpringState;
+use super::touching::Requests;
 
 /// Runs the tick.
 pub(super) fn run_step(
@@ -24,7 +25,7 @@ pub(super) fn run_step(
     mut configuration: Configuration,
     gathered: Res<Gathered>,
     mut report: ResMut<TickReport>,
-    contacts: Option<Res<Messages<Contact>>>,
+    (contacts, touching): (Option<Res<Messages<Contact>>>, Requests),
     forces: Option<Res<SpringForces>>,
     measurements: Option<ResMut<Measurements>>,
 ) {
@@ -33,7 +34,7 @@ pub(super) fn run_step(
     let mut complaints = Vec::new();
     let settings = configuration.settings(&mut complaints);
     let Simulation { inputs, caches, outputs, version, .. } = simulation;
-    outputs.record_contacts = contacts.is_some();
+    outputs.record_contacts = contacts.is_some() || touching.any();
     outputs.record_forces = forces.is_some();
     step(&mut state.solver, inputs, caches, outputs, &settings);
     state.version = Version::new();
@@ -107,9 +108,10 @@ impl Configuration<'_, '_> {
             wind: environment.wind,
             air_density: environment.effective_air_density(),
             gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
-            collide_with_planes: ground,
+            collide_with_colliders: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
             collide_springs: springs,
+            is_flat: *self.dimensions == Dimensions::Two,
         }
     }
 

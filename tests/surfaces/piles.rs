@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, ClothMaterial};
-use bevy_mass_spring::solver::{Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::solver::{Collider, Integrator, PairRules, Solver, StepSettings, SubstepMode};
 
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
@@ -32,7 +32,7 @@ fn shapes(triangles: &[[u32; 3]]) -> Shapes {
 /// A cloth of `cells`² that hangs from a point above the ground and falls in a heap. Returns the time of the slowest tick.
 fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
     let mut solver = Solver::default();
-    solver.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.3));
+    solver.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.3));
     let cloth = Cloth::grid(Vec3::new(0.0, 0.2, 0.0), Vec3::Y, Vec3::Z, UVec2::splat(cells))
         .with_radius(0.2 / cells as f32)
         .with_material(ClothMaterial::COTTON);

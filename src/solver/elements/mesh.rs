@@ -92,10 +92,10 @@ impl CollisionMesh {
     }
 
     /// Changes the lengths at rest of edges, where they are others.
-    pub fn set_rest_lengths(&mut self, numbers: Range<usize>, wanted: &[CollisionEdge]) {
+    pub fn set_rest_lengths(&mut self, numbers: Range<usize>, wanted: impl Iterator<Item = f32>) {
         for (edge, wanted) in self.edges[numbers].iter_mut().zip(wanted) {
-            if edge.rest_length != wanted.rest_length {
-                edge.rest_length = wanted.rest_length;
+            if edge.rest_length != wanted {
+                edge.rest_length = wanted;
                 self.version = Version::new();
             }
         }

@@ -222,7 +222,14 @@ impl State {
             ranges.gas.zip(wanted.gas).into_iter().for_each(|(number, gas)| self.set_gas(number, gas));
             let slots = (0..ranges.particles.len()).map(|particle| slot_of(particle as u32) as usize);
             self.set_family(slots, wanted.ignores_itself);
-            self.mesh.set_rest_lengths(ranges.edges.clone(), &wanted.collision_edges());
+            let edges = ranges.edges.clone();
+            if wanted.triangles.is_empty() {
+                let lengths = wanted.springs.iter().map(|(_, spring)| spring.length_at_rest());
+                self.mesh.set_rest_lengths(edges, lengths);
+            } else {
+                self.mesh
+                    .set_rest_lengths(edges, wanted.collision_edges().iter().map(|edge| edge.rest_length));
+            }
         }
         is_same
     }
