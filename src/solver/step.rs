@@ -67,7 +67,12 @@ pub(crate) fn step(
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
     caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
-    caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, settings);
+    caches.surfaces.begin_tick(
+        &state.mesh,
+        &state.elements,
+        &state.particles,
+        (settings, &inputs.skins),
+    );
     caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
@@ -101,7 +106,7 @@ pub(crate) fn step(
         };
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
         caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
-        let have_touched = caches.surfaces.resolve(&mut state.particles, substep, records);
+        let have_touched = caches.surfaces.resolve(&mut state.particles, substep, caches.contacts.implicit(), records);
         if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {
@@ -109,7 +114,7 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
-        caches.stop_crossings(state, have_touched);
+        caches.stop_crossings(state, &inputs.skins, have_touched);
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
@@ -183,8 +188,8 @@ impl Caches {
     }
 
     /// Stops what would pass through something; `have_touched` says whether surfaces have.
-    fn stop_crossings(&mut self, state: &mut State, have_touched: bool) {
-        let have_stopped = self.surfaces.stop_crossings(&mut state.particles, self.contacts.implicit());
+    fn stop_crossings(&mut self, state: &mut State, skins: &[Skin], have_touched: bool) {
+        let have_stopped = self.surfaces.stop_crossings(&mut state.particles, skins);
         if have_touched || have_stopped {
             self.scratch.disturb();
             if !state.pulls.is_empty() {
@@ -293,7 +298,7 @@ impl Caches {
         let steps = if plan.stiff_substeps > 0 { plan.stiff_substeps } else { plan.substeps };
         self.air.evaluate(exposed, particles, [substep, settings.time_step / steps as f32]);
         let field = Field { air: self.air.load(), ..settings.field() };
-        let Self { blocks, colouring, implicit_euler, interleaved, scratch, .. } = self;
+        let Self { blocks, colouring, implicit_euler, interleaved, scratch, surfaces, .. } = self;
         // One substep is no way to go: the new parameters act at once.
         let elapsed = if plan.substeps == 1 { 1.0 } else { plan.elapsed(index) };
         let has_ramps = elements.any_ramps();
@@ -314,7 +319,7 @@ impl Caches {
             settings,
             memory: contacts,
             elapsed: step_end as f32 / plan.substeps as f32,
-            covered: self.surfaces.covered(),
+            covered: self.contacts.covered(),
         };
         if let Some(position) = position {
             let acceleration = &mut scratch.acceleration;
@@ -322,7 +327,7 @@ impl Caches {
                 elements.ramp_to(plan.elapsed(step_end));
             }
             interleaved.before_substep(
-                (&mut *implicit_euler, &mut *pulls),
+                (&mut *implicit_euler, &mut *pulls, &mut *surfaces),
                 elements,
                 particles,
                 acceleration,
@@ -338,7 +343,7 @@ impl Caches {
             }
         }
         let net = Net { elements, colouring, field, pinned, surroundings, elapsed };
-        schemes::advance(plan.integrator, net, blocks, particles, scratch, (implicit_euler, pulls), substep);
+        schemes::advance(plan.integrator, net, blocks, particles, scratch, (implicit_euler, pulls, surfaces), substep);
         if let Some(position) = position {
             interleaved.after_substep(particles, &mut scratch.acceleration, position);
         }

@@ -5,6 +5,8 @@ use bevy::reflect::prelude::ReflectDefault;
 #[cfg(feature = "serialize")]
 use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
+use crate::solver::settings::PairRules;
+
 /// How the coefficients of two surfaces become that of their contact. Of two different rules the later one in this list
 /// holds.
 #[derive(Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -58,6 +60,15 @@ impl Material {
             restitution.combine([self.restitution, other.restitution]),
             friction.combine([self.friction, other.friction]),
         ]
+    }
+
+    /// The same between the surfaces of two particles, of which one or both may have no material of its own.
+    pub(super) fn of_pair([one, other]: [Option<Self>; 2], rules: PairRules) -> [f32; 2] {
+        match (one, other) {
+            (Some(one), other) => one.between(other),
+            (None, Some(other)) => other.between(None),
+            (None, None) => [rules.restitution, rules.friction],
+        }
     }
 }
 

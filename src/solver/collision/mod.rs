@@ -59,7 +59,7 @@ pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
 pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
-pub(super) use surface::Surfaces;
+pub(super) use surface::{StiffContact, Surfaces};
 use sweep::Sweep;
 use touch_search::Touches;
 
@@ -182,6 +182,11 @@ impl ContactCaches {
             self.is_implicit.resize(count, false);
             self.is_implicit[slot] = true;
         }
+    }
+
+    /// Whether the particle in each slot is no sphere of its own; empty if all are.
+    pub fn covered(&self) -> &[bool] {
+        &self.candidates.covered
     }
 
     /// Whether the particle in each slot is in an island that an implicit scheme advances; empty where it advances none.

@@ -237,8 +237,9 @@ impl Obstacles {
         self.solids
             .extend(solids.map(|(number, moment)| Obstacle::of_solid(number, &colliders[number], moment)));
         let Some(rules) = settings.pair_rules else { return };
+        let is_covered = |slot: usize| surroundings.covered.get(slot) == Some(&true);
         let pinned = particles.radius().iter().enumerate();
-        for (slot, radius) in pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot)) {
+        for (slot, radius) in pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot) && !is_covered(*slot)) {
             let (velocity, radius) = (particles.velocity.get(slot).as_dvec3(), f64::from(*radius));
             let centre = particles.position.get(slot).as_dvec3() + duration * velocity;
             let obstacle = Obstacle {
@@ -316,8 +317,9 @@ impl Obstacles {
                     coefficients = collider.material.between(skin.material).map(f64::from);
                 }
             }
+            let is_covered = || surroundings.covered.get(slot) == Some(&true);
             if let ContactPartner::Particle(pinned) = obstacle.partner
-                && !skin.layers.meet(skin_of(surroundings.skins, pinned).layers)
+                && (is_covered() || !skin.layers.meet(skin_of(surroundings.skins, pinned).layers))
             {
                 return;
             }

@@ -16,7 +16,7 @@
 use bevy::math::Vec3;
 
 use super::ImplicitEuler;
-use crate::solver::collision::Surroundings;
+use crate::solver::collision::{Surfaces, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
@@ -68,7 +68,7 @@ impl Interleaved {
     /// long step begins, and sends those on that a contact has displaced or that have another velocity.
     pub fn before_substep(
         &mut self,
-        (implicit_euler, pulls): (&mut ImplicitEuler, &mut Pulls),
+        (implicit_euler, pulls, surfaces): (&mut ImplicitEuler, &mut Pulls, &mut Surfaces),
         elements: &Elements,
         particles: &mut Particles,
         acceleration: &mut Vectors,
@@ -87,7 +87,8 @@ impl Interleaved {
             glide.start = particles.position.get(glide.slot);
             glide.velocity = particles.velocity.get(glide.slot);
         }
-        implicit_euler.advance(elements, particles, field, acceleration, surroundings, Some(pulls), left);
+        let around = (surroundings, surfaces);
+        implicit_euler.advance(elements, particles, field, acceleration, around, Some(pulls), left);
         let own = &self.glides[..self.own];
         let added =
             implicit_euler.lone_advanced().filter(|(slot, _)| own.iter().all(|glide| glide.slot != *slot));

@@ -14,7 +14,7 @@ mod velocity_verlet;
 mod verlet_in_air;
 mod xpbd;
 
-use crate::solver::collision::Surroundings;
+use crate::solver::collision::{Surfaces, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::graph::{Blocks, Colouring};
 use crate::solver::kernel::{self, Motion};
@@ -111,7 +111,7 @@ pub(super) fn advance(
     blocks: &mut Blocks,
     particles: &mut Particles,
     scratch: &mut Scratch,
-    (implicit_euler, pulls): (&mut ImplicitEuler, &mut Pulls),
+    (implicit_euler, pulls, surfaces): (&mut ImplicitEuler, &mut Pulls, &mut Surfaces),
     substep: f32,
 ) {
     let Net { elements, field, pinned, surroundings, .. } = net;
@@ -131,7 +131,7 @@ pub(super) fn advance(
                 stage.particles,
                 field,
                 stage.acceleration,
-                surroundings,
+                (surroundings, surfaces),
                 None,
                 substep,
             );
@@ -142,7 +142,7 @@ pub(super) fn advance(
                 stage.particles,
                 field,
                 stage.acceleration,
-                surroundings,
+                (surroundings, surfaces),
                 Some(pulls),
                 substep,
             );

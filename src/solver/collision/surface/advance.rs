@@ -11,7 +11,6 @@ use bevy::math::Vec3A;
 use super::contact::COINCIDENT;
 use super::pair::{LEAST_PART, Ways};
 use super::search::{Moving, Search};
-use super::tree::Forest;
 use crate::solver::particles::{Particles, Vectors};
 
 /// Number of rounds after which what would pass through something stays where it was.
@@ -49,17 +48,13 @@ pub(super) struct Advance {
 
 impl Advance {
     /// Stops the particles that would pass through something on the way from `start`; whether there were any.
-    ///
-    /// Of a body in `whole` all stop when one does: a part of it that is held back while the rest goes on would be strained,
-    /// as no force was there in the implicit step that has moved it.
     pub fn stop(
         &mut self,
         search: &Search,
-        (forest, whole): (&Forest, &[bool]),
         start: &Vectors,
         particles: &mut Particles,
     ) -> bool {
-        self.find_tight(search, Moving { start, particles });
+        self.find_tight(search, Moving { start, end: &particles.position, particles });
         if self.tight.is_empty() {
             return false;
         }
@@ -76,7 +71,6 @@ impl Advance {
             if !self.shorten(search, start, particles, round) {
                 break;
             }
-            self.stop_bodies(forest, whole, particles);
         }
         for slot in self.stopped.iter().map(|slot| *slot as usize).filter(|slot| self.parts[*slot] < 1.0) {
             let [from, to] = [start.get(slot), particles.position.get(slot)];
@@ -84,27 +78,6 @@ impl Advance {
             particles.position.set(slot, if part == 0.0 { from } else { from + part * (to - from) });
         }
         !self.stopped.is_empty()
-    }
-
-    /// Has all of a body go as far as its slowest particle.
-    fn stop_bodies(&mut self, forest: &Forest, whole: &[bool], particles: &Particles) {
-        let Self { parts, next, stopped, .. } = self;
-        for body in &forest.bodies {
-            let vertices = || forest.vertices_of(body).iter().map(|slot| *slot as usize);
-            if !vertices().any(|slot| whole.get(slot) == Some(&true)) {
-                continue;
-            }
-            let least = vertices().map(|slot| parts[slot]).fold(1.0, f32::min);
-            for slot in vertices().filter(|slot| !particles.is_pinned(*slot)) {
-                if parts[slot] <= least {
-                    continue;
-                }
-                if parts[slot] == 1.0 {
-                    stopped.push(slot as u32);
-                }
-                (parts[slot], next[slot]) = (least, least);
-            }
-        }
     }
 
     /// The particles that were stopped in the last substep.
@@ -149,7 +122,7 @@ impl Advance {
             if round > 0 && !slots.iter().any(|slot| parts[*slot] < 1.0 || is_carried[*slot]) {
                 continue;
             }
-            let mut ways = candidate.ways(Moving { start, particles });
+            let mut ways = candidate.ways(Moving { start, end: &particles.position, particles });
             for (way, slot) in ways.way.iter_mut().zip(slots) {
                 *way *= parts[slot];
             }

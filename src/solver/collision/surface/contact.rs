@@ -5,8 +5,10 @@ use bevy::math::{Vec3, Vec3A};
 use super::pair::{Kind, Ways};
 use super::primitives::owns;
 use super::search::{Candidate, Moving};
+use crate::solver::settings::PairRules;
 use crate::solver::particles::{Particles, Vectors};
 
+use super::super::material::{Material, Skin, skin_of};
 use super::super::response::{Approach, Rebound};
 
 /// Below this part of the way at which they touch, two primitives are taken to be in one place: what starts crossed or
@@ -34,6 +36,8 @@ pub(super) struct Contact {
     /// N·s.
     pub impulse: f32,
     pub friction: Vec3A,
+    /// Coefficient of Coulomb friction.
+    pub coefficient: f32,
     pub resting: bool,
     /// Whether springs pull at any of them.
     pub sprung: bool,
@@ -45,6 +49,9 @@ pub(super) struct Examination<'a> {
     /// m/s².
     pub acceleration: &'a Vectors,
     pub rebound: Rebound,
+    pub rules: PairRules,
+    /// See [`skin_of`].
+    pub skins: &'a [Skin],
     /// By slot, how far each vertex was from where it was in the search: see [`super::search::Search::moved`].
     pub moved: &'a [Vec<f32>; 2],
     pub on_mesh: &'a [bool],
@@ -118,10 +125,21 @@ fn owns_end([one, other]: [f32; 2], marks: u8, is_known: bool) -> bool {
     }
 }
 
+/// How a pair meets: at the closest points when its sides first come as near as they may, or at the end.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Meeting {
+    /// See [`Contact`].
+    pub weights: [f32; 4],
+    pub normal: Vec3A,
+    /// m.
+    pub reach: f32,
+    /// How far apart they are along the normal at the end, m.
+    pub gap: f32,
+}
+
 impl Examination<'_> {
-    /// The contact of a pair, if it touches.
-    pub fn contact(&self, candidate: &Candidate) -> Option<Contact> {
-        let slop = self.rebound.slop;
+    /// How a pair meets, if its sides come within `slop` m of touching on the way.
+    pub fn meeting(&self, candidate: &Candidate, slop: f32) -> Option<Meeting> {
         let largest = candidate.largest_reach();
         // Neither of NaN.
         if !(candidate.least_distance(self.moved) <= largest + slop) {
@@ -157,17 +175,21 @@ impl Examination<'_> {
         let ends = ways.at(1.0);
         // Relative to a corner: the weights add up to zero.
         let gap: f32 = (0..4).map(|place| weights[place] * normal.dot(ends[place] - ends[0])).sum();
-        self.touch(candidate, weights, normal, (reach, gap))
+        Some(Meeting { weights, normal, reach, gap })
     }
 
-    fn touch(
-        &self,
-        candidate: &Candidate,
-        weights: [f32; 4],
-        normal: Vec3A,
-        (reach, gap): (f32, f32),
-    ) -> Option<Contact> {
-        let Self { moving: Moving { particles, .. }, acceleration, rebound, .. } = self;
+    /// Restitution and friction of a pair.
+    pub fn coefficients(&self, candidate: &Candidate) -> [f32; 2] {
+        let material = |slot: u32| skin_of(self.skins, slot as usize).material;
+        Material::of_pair([material(candidate.slots[0]), material(candidate.slots[3])], self.rules)
+    }
+
+    /// The contact of a pair, if it touches.
+    pub fn contact(&self, candidate: &Candidate) -> Option<Contact> {
+        let Self { moving: Moving { particles, .. }, acceleration, .. } = self;
+        let Meeting { weights, normal, reach, gap } = self.meeting(candidate, self.rebound.slop)?;
+        let [restitution, coefficient] = self.coefficients(candidate);
+        let rebound = Rebound { restitution, ..self.rebound };
         if gap > reach + rebound.slop {
             return None;
         }
@@ -197,6 +219,7 @@ impl Examination<'_> {
             mass: 1.0 / yields,
             impulse: 0.0,
             friction: Vec3A::ZERO,
+            coefficient,
             resting,
             sprung,
         })

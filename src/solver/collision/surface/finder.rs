@@ -7,6 +7,9 @@ use super::pair::Kind;
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
 use super::tree::{Box3, Cluster, Forest};
+use crate::solver::graph::are_of_one_family;
+
+use super::super::material::{Skin, skin_of};
 
 /// Rounding of distances and ways, as a part of a coordinate.
 const DISTANCE_ROUNDING: f32 = 2e-6;
@@ -15,6 +18,8 @@ const DISTANCE_ROUNDING: f32 = 2e-6;
 pub(super) struct Finder<'a> {
     pub primitives: &'a Primitives,
     pub moving: Moving<'a>,
+    /// See [`super::super::material::skin_of`].
+    pub skins: &'a [Skin],
     pub candidates: &'a mut Vec<Candidate>,
     pub rooms: &'a [Vec<f32>; 2],
     /// m.
@@ -152,12 +157,17 @@ impl Finder<'_> {
         self.add(slots, Kind::EdgeEdge, [one.marks, other.marks], is_within);
     }
 
+    /// Whether the layers of two particles meet.
+    fn may_meet(&self, one: u32, other: u32) -> bool {
+        let layers = |slot: u32| skin_of(self.skins, slot as usize).layers;
+        self.skins.is_empty() || layers(one).meet(layers(other))
+    }
+
     fn add(&mut self, slots: [u32; 4], kind: Kind, marks: [u8; 2], is_within: bool) {
         let particles = self.moving.particles;
         let is_free = |slot: &u32| !particles.is_pinned(*slot as usize);
-        let family = |slot: u32| particles.families().get(slot as usize).copied().unwrap_or(0);
-        let are_one_family = family(slots[0]) != 0 && family(slots[0]) == family(slots[3]);
-        if are_one_family || !slots.iter().any(is_free) {
+        let is_exempt = are_of_one_family(particles.families(), slots[0], slots[3]);
+        if is_exempt || !slots.iter().any(is_free) || !self.may_meet(slots[0], slots[3]) {
             return;
         }
         let sides = kind.first_side();

@@ -33,6 +33,7 @@ mod pair;
 mod primitives;
 mod search;
 mod solve;
+mod stiff;
 mod tree;
 
 use advance::Advance;
@@ -40,12 +41,14 @@ use contact::{Contact, Examination};
 use primitives::Primitives;
 use search::{Moving, Search};
 use solve::Touching;
+pub(in crate::solver) use stiff::StiffContact;
 
+use super::material::Skin;
 use super::response::Rebound;
 use super::{ContactPartner, ContactRecord, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::settings::StepSettings;
+use crate::solver::settings::{Integrator, StepSettings};
 
 /// No place among those that touch.
 const NONE: u32 = u32::MAX;
@@ -57,11 +60,15 @@ pub(in crate::solver) struct Surfaces {
     search: Search,
     /// Positions at the start of the substep, m.
     start: Vectors,
+    /// Where an implicit step would end, m.
+    end: Vectors,
     contacts: Vec<Contact>,
     bodies: Vec<Touching>,
     /// The place of each slot among the bodies.
     places: Vec<u32>,
     advance: Advance,
+    /// The skins of the last search.
+    skins: Vec<Skin>,
     is_active: bool,
 }
 
@@ -72,10 +79,15 @@ impl Surfaces {
         mesh: &CollisionMesh,
         elements: &Elements,
         particles: &Particles,
-        settings: &StepSettings,
+        (settings, skins): (&StepSettings, &[Skin]),
     ) {
         let any = settings.pair_rules.is_some();
         if any && self.primitives.refresh(mesh, elements, particles, settings.collide_springs) {
+            self.search.reset();
+        }
+        if any && self.skins != skins {
+            self.skins.clear();
+            self.skins.extend_from_slice(skins);
             self.search.reset();
         }
         self.is_active = any && self.primitives.any;
@@ -104,37 +116,37 @@ impl Surfaces {
         self.advance.stopped().iter().for_each(|slot| visit(*slot as usize));
     }
 
-    /// Solves the contacts at the end of a substep, and appends them to `records`; whether there are any.
+    /// Solves the contacts at the end of a substep, and appends them to `records`; whether there are any. Those of particles that
+    /// are all in islands of an implicit step, which has them, are left out.
     pub fn resolve(
         &mut self,
         particles: &mut Particles,
         substep: Substep,
+        is_implicit: &[bool],
         records: Option<&mut Vec<ContactRecord>>,
     ) -> bool {
         self.contacts.clear();
         self.bodies.clear();
-        let Some(rules) = substep.settings.pair_rules.filter(|_| self.is_active) else { return false };
-        let Substep { settings, integrator, duration, acceleration, .. } = substep;
-        let gravity = settings.gravity.length();
-        let rebound = Rebound {
-            restitution: rules.restitution,
-            substep: duration,
-            resting_speed: gravity * duration,
-            slop: gravity * duration * duration,
-            velocity_lag: integrator.velocity_lag(),
-        };
-        let moving = Moving { start: &self.start, particles };
-        self.search.ensure(&self.primitives, moving, rebound.slop);
+        let Substep { settings, integrator, duration, acceleration, skins, .. } = substep;
+        let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return false };
+        let rebound = rebound_of(settings, (integrator, duration));
+        let moving = Moving { start: &self.start, end: &particles.position, particles };
+        self.search.ensure(&self.primitives, moving, (skins, rebound.slop));
         let Self { contacts, search, primitives, .. } = self;
-        let examination =
-            Examination { moving, acceleration, rebound, moved: &search.moved, on_mesh: &primitives.on_mesh };
-        contacts.extend(search.candidates.iter().filter_map(|pair| examination.contact(pair)));
+        let (moved, on_mesh) = (&search.moved, &primitives.on_mesh[..]);
+        let examination = Examination { moving, acceleration, rebound, rules, skins, moved, on_mesh };
+        let is_solved = |slot: &u32| {
+            particles.is_pinned(*slot as usize) || is_implicit.get(*slot as usize) == Some(&true)
+        };
+        let candidates = search.candidates.iter();
+        let own = candidates.filter(|pair| is_implicit.is_empty() || !pair.slots.iter().all(is_solved));
+        contacts.extend(own.filter_map(|pair| examination.contact(pair)));
         if contacts.is_empty() {
             return false;
         }
         self.gather(particles);
-        solve::solve_velocities(&mut self.contacts, &mut self.bodies, rules, 0.02 * rebound.resting_speed);
-        solve::solve_positions(&self.contacts, &mut self.bodies, rules);
+        solve::solve_velocities(&mut self.contacts, &mut self.bodies, 0.02 * rebound.resting_speed);
+        solve::solve_positions(&self.contacts, &mut self.bodies);
         for body in &self.bodies {
             particles.position.set(body.slot as usize, body.position.into());
             particles.velocity.set(body.slot as usize, body.velocity.into());
@@ -146,14 +158,14 @@ impl Surfaces {
     }
 
     /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
-    pub fn stop_crossings(&mut self, particles: &mut Particles, is_implicit: &[bool]) -> bool {
+    pub fn stop_crossings(&mut self, particles: &mut Particles, skins: &[Skin]) -> bool {
         self.advance.clear();
         if !self.is_active {
             return false;
         }
-        let moving = Moving { start: &self.start, particles };
-        self.search.ensure(&self.primitives, moving, 0.0);
-        self.advance.stop(&self.search, (&self.primitives.forest, is_implicit), &self.start, particles)
+        let moving = Moving { start: &self.start, end: &particles.position, particles };
+        self.search.ensure(&self.primitives, moving, (skins, 0.0));
+        self.advance.stop(&self.search, &self.start, particles)
     }
 
     /// Copies the particles that touch something, and gives the contacts their places.
@@ -192,5 +204,17 @@ impl Surfaces {
             let (normal, impulse) = (normal.into(), contact.impulse);
             records.push(ContactRecord { slot, other, point, normal, impulse });
         }
+    }
+}
+
+/// How what touches in a substep rebounds, with a restitution that is that of each pair.
+fn rebound_of(settings: &StepSettings, (integrator, duration): (Integrator, f32)) -> Rebound {
+    let gravity = settings.gravity.length();
+    Rebound {
+        restitution: 0.0,
+        substep: duration,
+        resting_speed: gravity * duration,
+        slop: gravity * duration * duration,
+        velocity_lag: integrator.velocity_lag(),
     }
 }

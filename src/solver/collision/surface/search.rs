@@ -11,7 +11,10 @@ use super::finder::Finder;
 use super::pair::Kind;
 use super::primitives::Primitives;
 use super::tree::{Box3, MeshBody};
+use crate::solver::graph::are_of_one_family;
 use crate::solver::particles::{Particles, Vectors};
+
+use super::super::material::Skin;
 
 /// The skin of a slow vertex, as a part of its radius.
 const SKIN: f32 = 0.6;
@@ -82,29 +85,31 @@ pub(super) struct Search {
 #[derive(Clone, Copy)]
 pub(super) struct Moving<'a> {
     pub start: &'a Vectors,
+    pub end: &'a Vectors,
+    /// Their radii and masses.
     pub particles: &'a Particles,
 }
 
 impl Moving<'_> {
     #[inline(always)]
     pub fn ends(&self, slot: usize) -> [Vec3A; 2] {
-        [self.start.get(slot).into(), self.particles.position.get(slot).into()]
+        [self.start.get(slot).into(), self.end.get(slot).into()]
     }
 }
 
 impl Search {
     /// The next substep searches.
     pub fn reset(&mut self) {
-        self.is_good = false;
+        (self.is_good, self.margin) = (false, 0.0);
     }
 
     /// Makes the candidates good for a substep: all pairs that come within `margin` m of touching are among them, in an order
     /// that does not depend on when they were found.
-    pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, margin: f32) {
+    pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
         self.is_good &= margin <= self.margin;
         if !(self.is_good && self.still_holds(primitives, moving)) {
-            self.margin = margin;
-            self.search(primitives, moving);
+            self.margin = self.margin.max(margin);
+            self.search(primitives, moving, skins);
             self.is_good = true;
             self.measure(primitives, moving);
         }
@@ -116,7 +121,7 @@ impl Search {
         let vertices = forest.vertices_of(&forest.bodies[number]);
         let origin = self.origin_means[number];
         let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
-        let end = Primitives::mean(vertices, |slot| moving.particles.position.get(slot));
+        let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
         [Vec3A::from(start) - origin, Vec3A::from(end) - origin]
     }
 
@@ -178,7 +183,7 @@ impl Search {
         debug_assert!(holds, "a search holds for the substep that it was made for");
     }
 
-    fn search(&mut self, primitives: &Primitives, moving: Moving) {
+    fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
         let forest = &primitives.forest;
         self.make_boxes(primitives, moving);
         let count = moving.particles.len();
@@ -197,8 +202,9 @@ impl Search {
         let Self { candidates, node_within, node_world, within, world, stack, rooms, margin, .. } = self;
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
-        let mut finder = Finder { primitives, moving, candidates, rooms, margin: *margin, most };
-        for body in &forest.bodies {
+        let mut finder = Finder { primitives, moving, skins, candidates, rooms, margin: *margin, most };
+        let families = moving.particles.families();
+        for body in forest.bodies.iter().filter(|body| !is_one_family(forest.vertices_of(body), families)) {
             let root = body.nodes.start;
             finder.walk([root, root], (node_within, within, true), stack);
         }
@@ -251,7 +257,7 @@ impl Search {
     fn roomy(&self, tight: Box3, primitives: &Primitives, body: &MeshBody, moving: Moving) -> Box3 {
         let vertices = primitives.forest.vertices_of(body);
         let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
-        let end = Primitives::mean(vertices, |slot| moving.particles.position.get(slot));
+        let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
         let way = BODY_SUBSTEPS * Vec3A::from(end - start);
         let room = BODY_ROOM * (tight.most - tight.least);
         let (least, most) = (tight.least - room, tight.most + room);
@@ -274,7 +280,7 @@ impl Search {
         for body in &forest.bodies {
             let vertices = forest.vertices_of(body);
             let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
-            let end = Primitives::mean(vertices, |slot| moving.particles.position.get(slot));
+            let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
             let drift = Vec3A::from(end) - Vec3A::from(start);
             self.origin_means.push(start.into());
             for slot in vertices.iter().map(|slot| *slot as usize) {
@@ -291,6 +297,11 @@ impl Search {
             self.rooms[1][slot] = room(&self.world[slot], slot, ends[0]);
         }
     }
+}
+
+/// Whether no pair of a body collides: all its particles are of one family.
+fn is_one_family(vertices: &[u32], families: &[u32]) -> bool {
+    !families.is_empty() && vertices.iter().all(|slot| are_of_one_family(families, vertices[0], *slot))
 }
 
 /// The box of a vertex of a `radius` that is at both places, with radius and skin.

@@ -7,7 +7,6 @@ use bevy::math::Vec3A;
 
 use super::contact::Contact;
 use super::pair::LEAST_PART;
-use crate::solver::settings::PairRules;
 
 use super::super::response::{friction, shortened, tangential};
 
@@ -61,13 +60,12 @@ fn apply(
 pub(super) fn solve_velocities(
     contacts: &mut [Contact],
     bodies: &mut [Touching],
-    rules: PairRules,
     tolerance: f32,
 ) {
     for _ in 0..VELOCITY_ITERATIONS {
         let mut corrected = false;
         for contact in &mut *contacts {
-            corrected |= correct_velocity(contact, bodies, rules, tolerance);
+            corrected |= correct_velocity(contact, bodies, tolerance);
         }
         if !corrected {
             break;
@@ -78,7 +76,6 @@ pub(super) fn solve_velocities(
 fn correct_velocity(
     contact: &mut Contact,
     bodies: &mut [Touching],
-    rules: PairRules,
     tolerance: f32,
 ) -> bool {
     let relative = combine(contact, bodies, |body| body.velocity);
@@ -86,16 +83,16 @@ fn correct_velocity(
     if missing <= 0.0 && contact.impulse == 0.0 {
         return false;
     }
-    let error = if rules.friction > 0.0 { relative.length_squared() } else { missing * missing };
+    let error = if contact.coefficient > 0.0 { relative.length_squared() } else { missing * missing };
     if contact.resting && error < tolerance * tolerance {
         return false;
     }
     let impulse = (contact.impulse + missing * contact.mass).max(0.0);
     let mut change = contact.normal * (impulse - contact.impulse);
     contact.impulse = impulse;
-    if rules.friction > 0.0 {
+    if contact.coefficient > 0.0 {
         let sticking = contact.friction - tangential(relative, contact.normal) * contact.mass;
-        let new = shortened(sticking, rules.friction * impulse);
+        let new = shortened(sticking, contact.coefficient * impulse);
         change += new - contact.friction;
         contact.friction = new;
     }
@@ -104,15 +101,15 @@ fn correct_velocity(
 }
 
 /// Parts what is nearer than it may be; static friction puts it back to where it stuck.
-pub(super) fn solve_positions(contacts: &[Contact], bodies: &mut [Touching], rules: PairRules) {
+pub(super) fn solve_positions(contacts: &[Contact], bodies: &mut [Touching]) {
     for _ in 0..POSITION_ITERATIONS {
         for contact in contacts {
-            separate(contact, bodies, rules);
+            separate(contact, bodies);
         }
     }
 }
 
-fn separate(contact: &Contact, bodies: &mut [Touching], rules: PairRules) {
+fn separate(contact: &Contact, bodies: &mut [Touching]) {
     let origin = bodies[contact.places[0] as usize].position;
     let gap = combine(contact, bodies, |body| body.position - origin).dot(contact.normal);
     let mut depth = contact.reach - gap;
@@ -129,8 +126,8 @@ fn separate(contact: &Contact, bodies: &mut [Touching], rules: PairRules) {
         }
     }
     let mut correction = contact.normal * depth;
-    if rules.friction > 0.0 {
-        correction += friction(tangential(moved, contact.normal), rules.friction * depth);
+    if contact.coefficient > 0.0 {
+        correction += friction(tangential(moved, contact.normal), contact.coefficient * depth);
     }
     apply(contact, bodies, correction * contact.mass, |body| &mut body.position);
 }

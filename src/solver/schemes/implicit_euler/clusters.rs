@@ -8,7 +8,7 @@
 use bevy::math::Vec3;
 
 use super::{Island, Step};
-use crate::solver::collision::{ContactRecord, StiffPair, StiffPairs};
+use crate::solver::collision::{ContactRecord, StiffContact, StiffPair, StiffPairs, Surfaces, Surroundings};
 use crate::solver::graph::Elimination;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
@@ -23,9 +23,9 @@ const NO_ISLAND: u32 = u32::MAX;
 pub(super) struct Clusters {
     search: StiffPairs,
     pairs: Vec<StiffPair>,
+    /// The contacts of surfaces.
+    surfaces: Vec<StiffContact>,
     clusters: Vec<Cluster>,
-    /// The slots of the pairs that the clusters were made for.
-    key: Vec<[u32; 2]>,
     /// The island of each slot.
     island_of: Vec<u32>,
     /// The slots of the free particles in no island.
@@ -42,6 +42,8 @@ struct Cluster {
     members: Vec<usize>,
     /// The slots of particles in no island.
     lone: Vec<u32>,
+    /// The slots that are to be in the core.
+    core: Vec<u32>,
     island: Island,
 }
 
@@ -51,7 +53,6 @@ impl Clusters {
         self.lone.clear();
         self.lone.extend(lone);
         self.clusters.clear();
-        self.key.clear();
         self.island_of.clear();
         self.island_of.resize(particles, NO_ISLAND);
         for (number, island) in (0..).zip(islands) {
@@ -64,6 +65,7 @@ impl Clusters {
     /// Keeps the state at the start of a step, if particles collide.
     pub fn begin(&mut self, particles: &Particles, collide: bool) {
         self.pairs.clear();
+        self.surfaces.clear();
         self.nearby.clear();
         if !collide {
             return;
@@ -77,7 +79,7 @@ impl Clusters {
     /// advanced already are `advanced`, in order; the others are where they were.
     pub fn advance(
         &mut self,
-        (islands, advanced): (&[Island], &[u32]),
+        (islands, advanced, meshes): (&[Island], &[u32], &mut Surfaces),
         step: Step,
         particles: &mut Particles,
         acceleration: &mut Vectors,
@@ -86,13 +88,17 @@ impl Clusters {
     ) {
         self.find_nearby(islands, advanced, step, particles);
         for _ in 0..MAX_ROUNDS {
-            let known = self.pairs.len();
-            let Self { search, pairs, island_of, nearby, start, .. } = self;
+            let known = [self.pairs.len(), self.surfaces.len()];
+            let Self { search, pairs, surfaces, island_of, nearby, start, .. } = self;
             let slots =
                 islands.iter().flat_map(Island::slots).chain(nearby.iter().map(|slot| *slot as usize));
             let is_in_island = |slot: u32| island_of[slot as usize] != NO_ISLAND;
             search.find(slots, &start[0], particles, (step.elements, step.surroundings), is_in_island, pairs);
-            if pairs.len() == known {
+            let is_advanced = |slot: u32| is_in_island(slot) || nearby.binary_search(&slot).is_ok();
+            let Surroundings { settings, skins, .. } = step.surroundings;
+            let motion = (&start[0], &*particles, step.h as f32);
+            meshes.find_stiff(motion, (settings, skins), is_in_island, is_advanced, surfaces);
+            if [pairs.len(), surfaces.len()] == known {
                 break;
             }
             self.join(islands, particles);
@@ -146,9 +152,10 @@ impl Clusters {
 
     /// Puts the lone particles that have touched nothing, and that another scheme advances, back to where they were.
     fn put_back(&mut self, advanced: &[u32], particles: &mut Particles) {
-        let Self { nearby, clusters, pairs, start: [start, _], .. } = self;
+        let any = self.any();
+        let Self { nearby, clusters, start: [start, _], .. } = self;
         nearby.retain(|slot| {
-            let mut joined = clusters.iter().filter(|_| !pairs.is_empty());
+            let mut joined = clusters.iter().filter(|_| any);
             let stays = joined.any(|cluster| cluster.lone.contains(slot));
             if !stays && advanced.binary_search(slot).is_err() {
                 particles.position.set(*slot as usize, start.get(*slot as usize));
@@ -164,53 +171,80 @@ impl Clusters {
         slots.map(|slot| (slot, self.start.each_ref().map(|vectors| vectors.get(slot))))
     }
 
+    /// Whether anything has met.
+    fn any(&self) -> bool {
+        !self.pairs.is_empty() || !self.surfaces.is_empty()
+    }
+
     /// The islands that were solved together in the last step.
     pub fn islands(&self) -> impl Iterator<Item = &Island> {
-        let any = !self.pairs.is_empty();
+        let any = self.any();
         self.clusters.iter().filter(move |_| any).map(|cluster| &cluster.island)
     }
 
     /// Joins the islands of the pairs.
     fn join(&mut self, islands: &[Island], particles: &Particles) {
-        let Self { pairs, clusters, key, island_of, nearby, .. } = self;
-        let is_same = key.iter().eq(pairs.iter().map(|pair| &pair.slots));
-        if !is_same {
-            key.clear();
-            key.extend(pairs.iter().map(|pair| pair.slots));
-            clusters.clear();
-            // Behind the islands, each lone particle is a part of its own.
-            let part_of = |slot: u32| match island_of[slot as usize] {
-                NO_ISLAND => islands.len() + nearby.partition_point(|particle| *particle < slot),
-                island => island as usize,
-            };
-            let mut first: Vec<usize> = (0..islands.len() + nearby.len()).collect();
-            for StiffPair { slots, .. } in &*pairs {
-                let [one, other] = slots.map(|slot| first[part_of(slot)]);
+        let Self { pairs, surfaces, clusters, island_of, nearby, .. } = self;
+        // Behind the islands, each lone particle is a part of its own.
+        let part_of = |slot: u32| match island_of[slot as usize] {
+            NO_ISLAND => islands.len() + nearby.partition_point(|particle| *particle < slot),
+            island => island as usize,
+        };
+        let mut first: Vec<usize> = (0..islands.len() + nearby.len()).collect();
+        let mut unite = |slots: &[u32]| {
+            for slot in &slots[1..] {
+                let [one, other] = [slots[0], *slot].map(|slot| first[part_of(slot)]);
                 let (kept, lost) = (one.min(other), one.max(other));
-                first.iter_mut().filter(|first| **first == lost).for_each(|first| *first = kept);
+                if kept != lost {
+                    first.iter_mut().filter(|first| **first == lost).for_each(|first| *first = kept);
+                }
             }
-            let head = |pair: &StiffPair| first[part_of(pair.slots[0])];
-            let mut heads: Vec<usize> = pairs.iter().map(head).collect();
-            heads.sort_unstable();
-            heads.dedup();
-            for number in heads {
-                let members: Vec<usize> =
-                    (0..islands.len()).filter(|island| first[*island] == number).collect();
-                let own = pairs.iter().filter(|pair| head(pair) == number);
-                let in_core: Vec<u32> = own.flat_map(|pair| pair.slots).collect();
-                let mut lone = in_core.clone();
-                lone.retain(|slot| island_of[*slot as usize] == NO_ISLAND);
-                let parts = members.iter().map(|member| &islands[*member].elimination);
-                let island = Island::new(Elimination::joined(parts, &in_core, particles));
-                clusters.push(Cluster { members, lone, island });
-            }
+        };
+        pairs.iter().for_each(|StiffPair { slots, .. }| unite(slots));
+        let free = |contact: &StiffContact| -> Vec<u32> {
+            let corners = contact.corners().map(|(slot, _)| slot).filter(|slot| !particles.is_pinned(*slot));
+            corners.map(|slot| slot as u32).collect()
+        };
+        let free: Vec<Vec<u32>> = surfaces.iter().map(free).collect();
+        free.iter().for_each(|slots| unite(slots));
+        let head = |slot: u32| first[part_of(slot)];
+        let of_pairs = pairs.iter().map(|pair| head(pair.slots[0]));
+        let mut heads: Vec<usize> = of_pairs.chain(free.iter().map(|slots| head(slots[0]))).collect();
+        heads.sort_unstable();
+        heads.dedup();
+        let mut known = std::mem::take(clusters);
+        for number in heads {
+            let members: Vec<usize> =
+                (0..islands.len()).filter(|island| first[*island] == number).collect();
+            // What is in no tree is in the core in any case.
+            let is_in_tree = |slot: &u32| match island_of[*slot as usize] {
+                NO_ISLAND => true,
+                island => islands[island as usize].elimination.trees > 0,
+            };
+            let own = pairs.iter().map(|pair| pair.slots).filter(|slots| head(slots[0]) == number);
+            let mut core: Vec<u32> = own.flatten().collect();
+            let own = free.iter().filter(|slots| head(slots[0]) == number).flatten().copied();
+            core.extend(own.filter(is_in_tree));
+            let mut lone = core.clone();
+            lone.retain(|slot| island_of[*slot as usize] == NO_ISLAND);
+            let is_same = |cluster: &Cluster| cluster.members == members && cluster.core == core;
+            clusters.push(match known.iter().position(is_same) {
+                Some(place) => known.swap_remove(place),
+                None => {
+                    let parts = members.iter().map(|member| &islands[*member].elimination);
+                    let island = Island::new(Elimination::joined(parts, &core, particles));
+                    Cluster { members, lone, core, island }
+                }
+            });
         }
-        for Cluster { members, lone, island } in clusters {
-            let is_own = |pair: &&StiffPair| {
-                let slot = pair.slots[0];
+        for Cluster { members, lone, island, .. } in clusters {
+            let is_own = |slot: u32| {
                 lone.contains(&slot) || members.contains(&(island_of[slot as usize] as usize))
             };
-            island.set_pairs(pairs.iter().filter(is_own).copied(), particles.len());
+            let own = surfaces.iter().zip(&free).filter(|(_, slots)| is_own(slots[0]));
+            island.surfaces.clear();
+            island.surfaces.extend(own.map(|(contact, _)| *contact));
+            island.set_pairs(pairs.iter().filter(|pair| is_own(pair.slots[0])).copied(), particles.len());
         }
     }
 }

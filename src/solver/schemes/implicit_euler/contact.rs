@@ -13,7 +13,7 @@ use crate::solver::graph::Linked;
 pub(super) struct Contact {
     pub node: usize,
     /// The other particles that have a part in the point that touches, of an edge or a face; their nodes and weights.
-    pub others: [(usize, f64); 2],
+    pub others: [(usize, f64); 3],
     /// The weight of the particle, and how many others there are.
     pub weight: f64,
     pub count: usize,
@@ -62,6 +62,18 @@ pub(super) enum Partner {
         normal: DVec3,
         reach: f64,
     },
+    /// Another surface: what touches is not to come closer than `reach` m along `normal`. The weights are those of both sides; that
+    /// of the second is negative.
+    Surface {
+        /// A particle of the other one.
+        slot: usize,
+        normal: DVec3,
+        reach: f64,
+        /// Σ wᵢ xᵢ of the pinned corners at the end of the step, m.
+        pinned: DVec3,
+        /// Σ wᵢ of the others.
+        free_weight: f64,
+    },
 }
 
 /// Forces and stiffness of the nodes, to be added to.
@@ -76,7 +88,7 @@ impl Contact {
     pub fn new(node: usize, partner: Partner) -> Self {
         Self {
             node,
-            others: [(0, 0.0); 2],
+            others: [(0, 0.0); 3],
             weight: 1.0,
             count: 0,
             partner,
@@ -97,9 +109,23 @@ impl Contact {
         }
     }
 
+    /// Whether it is a single particle that touches.
+    pub fn is_particle(&self) -> bool {
+        self.count == 0 && !matches!(self.partner, Partner::Surface { .. })
+    }
+
+    /// The part of its force that comes from what nothing in the step can move.
+    pub fn outer_part(&self) -> f64 {
+        match self.partner {
+            Partner::Obstacle(_) => 1.0,
+            Partner::Node { .. } => 0.0,
+            Partner::Surface { free_weight, .. } => free_weight,
+        }
+    }
+
     /// Σ wᵢ vᵢ over the particles that touch.
     pub fn point(&self, vectors: &[DVec3]) -> DVec3 {
-        if self.count == 0 {
+        if self.is_particle() {
             return vectors[self.node];
         }
         let others = self.others[..self.count].iter().map(|(node, weight)| vectors[*node] * *weight);
@@ -112,6 +138,9 @@ impl Contact {
             Partner::Obstacle(obstacle) => obstacle.gap(self.point(position), self.radius),
             Partner::Node { node, normal, reach } => {
                 ((position[self.node] - position[*node]).dot(*normal) - reach, *normal)
+            }
+            Partner::Surface { normal, reach, pinned, .. } => {
+                ((self.point(position) + pinned).dot(*normal) - reach, *normal)
             }
         }
     }
@@ -180,13 +209,13 @@ impl Contact {
     /// Adds a force on the particle, and a stiffness along and across the normal, N/m.
     fn add(&self, force: DVec3, [along, across]: [f64; 2], sums: &mut Sums) {
         let block = Symmetric::uniaxial(self.normal, along, across);
-        if self.count > 0 {
+        if !self.is_particle() {
             self.add_to_all(force, block, sums);
             return;
         }
         sums.right[self.node] += force;
         match self.partner {
-            Partner::Obstacle(_) => sums.diagonal[self.node] += block,
+            Partner::Obstacle(_) | Partner::Surface { .. } => sums.diagonal[self.node] += block,
             Partner::Node { node, .. } => {
                 sums.right[node] -= force;
                 let nodes = Linked::new(u32::MAX, &[self.node as u32, node as u32]);
@@ -201,6 +230,11 @@ impl Contact {
 impl Contact {
     /// Adds a force on a point of several particles, and its stiffness.
     fn add_to_all(&self, force: DVec3, block: Symmetric, sums: &mut Sums) {
+        if self.count == 0 {
+            sums.right[self.node] += force * self.weight;
+            sums.diagonal[self.node] += block.scaled(self.weight * self.weight);
+            return;
+        }
         let mut nodes = [self.node as u32; MAX_ENDS];
         let mut weights = [0.0; MAX_ENDS];
         weights[0] = self.weight;

@@ -25,7 +25,7 @@ use bevy::math::DVec3;
 use super::contact::{Contact, Partner, Sums};
 use super::newton::MAX_STEPS;
 use crate::solver::collision::{
-    ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair, Surroundings,
+    ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffContact, StiffPair, Surroundings,
 };
 use crate::solver::graph::{Elimination, are_of_one_family};
 use crate::solver::particles::Particles;
@@ -206,6 +206,55 @@ impl Contacts {
         }
     }
 
+    /// Adds contacts of surfaces; `node_of` has the nodes of their free corners.
+    pub fn add_surfaces(&mut self, motion: &Motion, found: &[StiffContact], node_of: &[u32]) {
+        let Motion { particles, start, flight, inertia, h, .. } = *motion;
+        for contact in found {
+            let corners = || contact.corners().filter(|(slot, _)| !particles.is_pinned(*slot));
+            let nodes = || corners().map(|(slot, weight)| (node_of[slot] as usize, weight));
+            let (mut pinned, mut pinned_way) = (DVec3::ZERO, DVec3::ZERO);
+            for (slot, weight) in contact.corners().filter(|(slot, _)| particles.is_pinned(*slot)) {
+                let way = h * particles.velocity.get(slot).as_dvec3();
+                pinned += weight * (particles.position.get(slot).as_dvec3() + way);
+                pinned_way += weight * way;
+            }
+            let sum = |vectors: &[DVec3]| nodes().map(|(node, weight)| vectors[node] * weight).sum::<DVec3>();
+            let Some((node, weight)) = nodes().next() else { continue };
+            let is_opposite = |(_, other): &(usize, f64)| (*other > 0.0) != (weight > 0.0);
+            let heaviest = contact
+                .corners()
+                .filter(is_opposite)
+                .max_by(|(_, one), (_, other)| one.abs().total_cmp(&other.abs()));
+            let mut others = [(0, 0.0); 3];
+            nodes().skip(1).zip(&mut others).for_each(|(corner, other)| *other = corner);
+            let (begin, reach, normal) = (sum(start), contact.reach, contact.normal);
+            let gap = (begin + pinned).dot(normal) - reach;
+            self.contacts.push(Contact {
+                weight,
+                others,
+                count: nodes().count() - 1,
+                radius: 0.5 * reach,
+                inertia: 1.0 / nodes().map(|(node, weight)| weight * weight / inertia[node]).sum::<f64>(),
+                allowed: (gap + RECOVERY_SPEED * h).min(0.0),
+                origin: begin - pinned_way,
+                approach: -(sum(flight) - begin + pinned_way).dot(normal) / h,
+                normal,
+                restitution: contact.restitution,
+                friction: contact.friction,
+                ..Contact::new(
+                    node,
+                    Partner::Surface {
+                        slot: heaviest.map_or(0, |(slot, _)| slot),
+                        normal,
+                        reach,
+                        pinned,
+                        free_weight: nodes().map(|(_, weight)| weight).sum(),
+                    },
+                )
+            });
+        }
+    }
+
     /// Looks for none: nothing is held.
     pub fn clear(&mut self) {
         self.contacts.clear();
@@ -214,7 +263,7 @@ impl Contacts {
 
     /// The nodes that were held in the last linearisation.
     pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
-        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.count == 0);
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.is_particle());
         held.map(|contact| contact.node)
     }
 
@@ -240,15 +289,17 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// The contacts with obstacles that held in the last linearisation.
+    /// The contacts with what nothing in the step can move that held in the last linearisation.
     fn held_by_obstacles(&self) -> impl Iterator<Item = &Contact> {
         let held = self.contacts.iter().filter(|contact| contact.force > 0.0);
-        held.filter(|contact| matches!(contact.partner, Partner::Obstacle(_)))
+        held.filter(|contact| contact.outer_part() != 0.0)
     }
 
     /// The force of all obstacles, N.
     pub fn force(&self) -> DVec3 {
-        self.held_by_obstacles().map(|contact| contact.normal * contact.force + contact.rubbing).sum()
+        self.held_by_obstacles()
+            .map(|contact| (contact.normal * contact.force + contact.rubbing) * contact.outer_part())
+            .sum()
     }
 
     /// The part of a displacement that leads into no obstacle and away from none.
@@ -353,11 +404,17 @@ impl Contacts {
             let other = match &contact.partner {
                 Partner::Obstacle(obstacle) => obstacle.partner,
                 Partner::Node { node, .. } => ContactPartner::Particle(elimination.slots[*node] as usize),
+                Partner::Surface { slot, .. } => ContactPartner::Particle(*slot),
             };
+            // Of another surface it may be the first side or the second.
+            let is_surface = matches!(contact.partner, Partner::Surface { .. });
+            let side = if is_surface { contact.weight.signum() } else { 1.0 };
+            let point = if is_surface { position[node] } else { contact.point(position) };
+            let normal = normal * side;
             record(ContactRecord {
                 slot: elimination.slots[node] as usize,
                 other,
-                point: (contact.point(position) - normal * radius).as_vec3(),
+                point: (point - normal * radius).as_vec3(),
                 normal: normal.as_vec3(),
                 impulse: (h * force * (1.0 + again)) as f32,
             });

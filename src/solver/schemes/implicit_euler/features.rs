@@ -122,7 +122,7 @@ fn feature_contact(
     let surface_way = h * obstacle.motion_at(begin);
     let (gap, normal) = obstacle.gap(begin + surface_way, radius);
     let approach = (surface_way - (of(flight, start) - begin)).dot(normal) / h;
-    let mut others = [(0, 0.0); 2];
+    let mut others = [(0, 0.0); 3];
     let rest = (0..feature.count).filter(|place| *place != first);
     rest.zip(&mut others).for_each(|(place, other)| *other = (nodes[place], weights[place]));
     Some(Contact {

@@ -35,7 +35,9 @@ mod wide;
 
 use bevy::math::{DVec3, Vec3};
 
-use crate::solver::collision::{ContactRecord, Obstacles, StiffPair, Surroundings};
+use crate::solver::collision::{
+    ContactRecord, Obstacles, StiffContact, StiffPair, Surfaces, Surroundings,
+};
 use crate::solver::elements::Elements;
 use crate::solver::graph::{Elimination, IslandSet, Islands, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
@@ -75,6 +77,7 @@ struct Island {
     excluded: Vec<(u32, u32)>,
     /// The contacts between its own particles, where it is a cluster of islands, and the node of each slot.
     pairs: Vec<StiffPair>,
+    surfaces: Vec<StiffContact>,
     node_of: Vec<u32>,
     stages: Stages,
     /// What of it collides between its particles.
@@ -167,7 +170,7 @@ impl ImplicitEuler {
         particles: &mut Particles,
         field: Field,
         acceleration: &mut Vectors,
-        surroundings: Surroundings,
+        (surroundings, surfaces): (Surroundings, &mut Surfaces),
         mut pulls: Option<&mut Pulls>,
         substep: f32,
     ) {
@@ -209,7 +212,7 @@ impl ImplicitEuler {
             write(particles, acceleration, slot, motion, h);
         }
         if particles_collide {
-            let parts = (&islands[..], &others[..]);
+            let parts = (&islands[..], &others[..], surfaces);
             clusters.advance(parts, step, particles, acceleration, touching, pulls);
         }
     }
@@ -220,7 +223,7 @@ impl Island {
     fn solve(&mut self, particles: &Particles, step: Step) {
         let Step { obstacles, sprung, surroundings, h, .. } = step;
         let Surroundings { memory, settings, .. } = surroundings;
-        let Self { elimination, system, newton, excluded, pairs, node_of, features, .. } = self;
+        let Self { elimination, system, newton, excluded, pairs, surfaces, node_of, features, .. } = self;
         let filter = PairFilter { excluded, sprung, memory, families: particles.families() };
         let rules = settings.pair_rules.unwrap_or_default();
         let mut reach = 0.0;
@@ -229,6 +232,7 @@ impl Island {
             let motion = Motion { elimination, particles, start, flight, inertia, h };
             contacts.begin(&motion, (obstacles, surroundings), &filter, reach);
             contacts.add_pairs(&motion, pairs, node_of, rules);
+            contacts.add_surfaces(&motion, surfaces, node_of);
             if obstacles.any_thin() {
                 contacts.add_features(&motion, features, (obstacles, surroundings));
             }

@@ -1,0 +1,113 @@
+//! Which surfaces run into each other in an implicit step: contacts that become a part of it.
+
+use bevy::math::{DVec3, Vec3A};
+
+use super::contact::{Examination, Meeting};
+use super::pair::Kind;
+use super::search::{Candidate, Moving};
+use super::{Surfaces, rebound_of};
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::{Integrator, StepSettings};
+
+use super::super::material::Skin;
+
+/// A point of one surface that is not to come nearer to a point of another one than they touch, along a direction that is fixed
+/// for a step.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver) struct StiffContact {
+    /// A corner may be in two places, one of them of weight 0.
+    pub slots: [u32; 4],
+    /// Those of the first side add up to 1, those of the second to −1.
+    pub weights: [f64; 4],
+    /// From the second side to the first.
+    pub normal: DVec3,
+    /// The distance that they keep, m.
+    pub reach: f64,
+    /// Coefficient of restitution.
+    pub restitution: f64,
+    /// Coefficient of Coulomb friction.
+    pub friction: f64,
+    kind: Kind,
+}
+
+impl StiffContact {
+    /// What pair it is.
+    pub fn key(&self) -> ([u32; 4], u8) {
+        (self.slots, self.kind as u8)
+    }
+
+    /// The corners that have a part in it, with their weights.
+    pub fn corners(&self) -> impl Iterator<Item = (usize, f64)> {
+        let all = self.slots.into_iter().zip(self.weights);
+        all.filter(|(_, weight)| *weight != 0.0).map(|(slot, weight)| (slot as usize, weight))
+    }
+}
+
+impl Surfaces {
+    /// Appends to `found` the contacts of what has touched on the way from `start` to the present positions in a step of `h`
+    /// seconds, and is not in it already. Only those all of whose free corners are advanced in that step, and one of these
+    /// `is_in_island`; pinned particles move at their velocities.
+    pub fn find_stiff(
+        &mut self,
+        (start, particles, h): (&Vectors, &Particles, f32),
+        (settings, skins): (&StepSettings, &[Skin]),
+        is_in_island: impl Fn(u32) -> bool,
+        is_advanced: impl Fn(u32) -> bool,
+        found: &mut Vec<StiffContact>,
+    ) {
+        let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return };
+        let Self { search, primitives, end, .. } = self;
+        end.copy_from(&particles.position);
+        for slot in (0..particles.len()).filter(|slot| particles.is_pinned(*slot)) {
+            end.set(slot, start.get(slot) + h * particles.velocity.get(slot));
+        }
+        let moving = Moving { start, end, particles };
+        let rebound = rebound_of(settings, (Integrator::ImplicitEuler, h));
+        search.ensure(primitives, moving, (skins, 0.0));
+        let examination = Examination {
+            moving,
+            acceleration: start,
+            rebound,
+            rules,
+            skins,
+            moved: &search.moved,
+            on_mesh: &primitives.on_mesh,
+        };
+        let is_free = |slot: &&u32| !particles.is_pinned(**slot as usize);
+        let known = found.len();
+        for candidate in &search.candidates {
+            let free = || candidate.slots.iter().filter(is_free);
+            if !free().all(|slot| is_advanced(*slot)) || !free().any(|slot| is_in_island(*slot)) {
+                continue;
+            }
+            let Some(meeting) = examination.meeting(candidate, 0.0) else { continue };
+            if meeting.gap >= meeting.reach {
+                continue;
+            }
+            let contact = stiff_contact(candidate, meeting, examination.coefficients(candidate));
+            let may_move = contact.corners().any(|(slot, _)| !particles.is_pinned(slot));
+            let is_known = || found[..known].binary_search_by_key(&contact.key(), StiffContact::key).is_ok();
+            if may_move && !is_known() {
+                found.push(contact);
+            }
+        }
+        found.sort_unstable_by_key(StiffContact::key);
+    }
+}
+
+fn stiff_contact(
+    candidate: &Candidate,
+    Meeting { weights, normal, reach, .. }: Meeting,
+    [restitution, friction]: [f32; 2],
+) -> StiffContact {
+    let unit = |vector: Vec3A| vector.as_dvec3().normalize();
+    StiffContact {
+        slots: candidate.slots,
+        weights: weights.map(f64::from),
+        normal: unit(normal),
+        reach: reach.into(),
+        restitution: restitution.into(),
+        friction: friction.into(),
+        kind: candidate.kind,
+    }
+}
