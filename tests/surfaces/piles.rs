@@ -8,14 +8,16 @@ use bevy_mass_spring::solver::{Collider, Integrator, PairRules, Solver, StepSett
 
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
+use crate::{SCHEMES, SOFT};
 
 fn settings(integrator: Integrator) -> StepSettings {
     StepSettings {
         integrator,
         substeps: match integrator {
-            Integrator::ImplicitEuler => SubstepMode::Fixed(4),
+            Integrator::ImplicitEuler => SubstepMode::Fixed(2),
+            Integrator::TrBdf2 => SubstepMode::Fixed(2),
             Integrator::Xpbd => SubstepMode::Fixed(8),
-            _ => SubstepMode::Auto,
+            _ => SubstepMode::Fixed(16),
         },
         time_step: 1.0 / 120.0,
         gravity: Vec3::NEG_Y * 9.81,
@@ -29,13 +31,24 @@ fn shapes(triangles: &[[u32; 3]]) -> Shapes {
     Shapes::of_triangles(triangles.iter().map(|corners| corners.map(|corner| corner as usize)).collect())
 }
 
-/// A cloth of `cells`² that hangs from a point above the ground and falls in a heap. Returns the time of the slowest tick.
+/// Explicit schemes get a soft cloth.
+fn material(integrator: Integrator) -> ClothMaterial {
+    if integrator == Integrator::SemiImplicitEuler { SOFT } else { ClothMaterial::COTTON }
+}
+
+/// The energy of motion, J.
+fn kinetic(solver: &Solver) -> f32 {
+    let free = (0..solver.particle_count()).filter(|slot| solver.inverse_mass(*slot) > 0.0);
+    free.map(|slot| 0.5 * solver.velocity(slot).length_squared() / solver.inverse_mass(slot)).sum()
+}
+
+/// A cloth of `cells`² that stands above the ground and falls in a heap.
 fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
     let mut solver = Solver::default();
     solver.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.3));
     let cloth = Cloth::grid(Vec3::new(0.0, 0.2, 0.0), Vec3::Y, Vec3::Z, UVec2::splat(cells))
         .with_radius(0.2 / cells as f32)
-        .with_material(ClothMaterial::COTTON);
+        .with_material(material(integrator));
     let mut topology = cloth.topology().unwrap();
     for place in &mut topology.positions {
         // Not quite straight, so that it folds.
@@ -58,12 +71,17 @@ fn fall_in_a_heap(integrator: Integrator, cells: u32, ticks: u32, looks: u32) {
         }
     }
     assert!(most > cells as usize, "{most} contacts");
+    // It has fallen by about half a metre, and rubs.
+    let fallen = 0.15 * 9.81 * 0.6;
+    assert!(kinetic(&solver) < 0.1 * fallen, "{integrator}: {} J of {fallen}", kinetic(&solver));
 }
 
 #[test]
 fn a_cloth_falls_in_a_heap_without_a_crossing() {
-    for integrator in [Integrator::ImplicitEuler, Integrator::SemiImplicitEuler, Integrator::Xpbd] {
-        fall_in_a_heap(integrator, 20, 240, 4);
+    for integrator in SCHEMES {
+        let t = std::time::Instant::now();
+        fall_in_a_heap(integrator, 16, 180, 4);
+        eprintln!("DBG {integrator} {:?}", t.elapsed());
     }
 }
 
@@ -72,7 +90,7 @@ fn twist(integrator: Integrator, size: [u32; 2], turns: f32, seconds: f32, looks
     let [around, along] = size;
     let cloth = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Y, UVec2::new(around, along));
     let spacing = TAU * 0.15 / around as f32;
-    let cloth = cloth.with_radius(0.2 * spacing).with_material(ClothMaterial::COTTON).topology().unwrap();
+    let cloth = cloth.with_radius(0.2 * spacing).with_material(material(integrator)).topology().unwrap();
     // Rolled up, the first and the last column joined.
     let row = around + 1;
     let number = |number: u32| (number / row) * around + (number % row) % around;
@@ -128,7 +146,53 @@ fn twist(integrator: Integrator, size: [u32; 2], turns: f32, seconds: f32, looks
 
 #[test]
 fn a_twisted_tube_does_not_cross_itself() {
-    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler] {
-        twist(integrator, [24, 30], 2.0, 1.0, 8);
+    for integrator in SCHEMES {
+        let t = std::time::Instant::now();
+        twist(integrator, [24, 24], 3.0, 1.0, 8);
+        eprintln!("DBG {integrator} {:?}", t.elapsed());
+    }
+}
+
+#[test]
+#[ignore = "minutes long: the bar of issue 12, to be run in a release build"]
+fn a_tube_of_ten_thousand_particles_twisted_by_five_turns_does_not_cross_itself() {
+    twist(Integrator::ImplicitEuler, [100, 100], 5.0, 5.0, 20);
+}
+
+/// A cloth of 0.6 m falls onto one that lies on the ground, comes to rest on it, and both weigh what they weigh.
+#[test]
+fn a_cloth_dropped_on_a_cloth_on_the_ground_comes_to_rest_on_it() {
+    for integrator in SCHEMES {
+        let mut solver = Solver::default();
+        solver.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.3));
+        let mut shapes = Shapes::default();
+        let mut middles = Vec::new();
+        for (height, turn, half) in [(0.004, 0.0, 0.5), (0.1, 0.4, 0.3)] {
+            let first = solver.particle_count();
+            let corner = Vec3::new(-half, 0.0, -half);
+            let (width, depth) = (Vec3::X * 2.0 * half, Vec3::Z * 2.0 * half);
+            let cloth = Cloth::grid(corner, width, depth, UVec2::splat(if half > 0.4 { 16 } else { 10 }));
+            let cloth = cloth.with_radius(0.004).with_material(material(integrator));
+            let mut topology = cloth.topology().unwrap();
+            for place in &mut topology.positions {
+                *place = Quat::from_rotation_y(turn) * *place;
+            }
+            add_net(&mut solver, &topology, Vec3::Y * height, &[]);
+            middles.push(first..solver.particle_count());
+            let corners = |list: &[u32; 3]| list.map(|corner| first + corner as usize);
+            shapes = shapes.and(Shapes::of_triangles(topology.triangles.iter().map(corners).collect()));
+        }
+        for tick in 0..120 {
+            solver.step(&settings(integrator));
+            eprintln!("DBG {integrator} tick {tick} {} J {} contacts", kinetic(&solver), solver.outputs().contact_count);
+            assert_eq!(shapes.crossings(&positions(&solver)), 0, "{integrator}, tick {tick}");
+        }
+        let heights = middles[1].clone().map(|slot| solver.position(slot).y);
+        let mean = heights.sum::<f32>() / middles[1].len() as f32;
+        // Two thicknesses below its middle and a half; it may lie in folds of air.
+        assert!((0.0115..0.02).contains(&mean), "{integrator}: {mean} m");
+        let lowest = positions(&solver).iter().map(|place| place.y).fold(f32::INFINITY, f32::min);
+        assert!(lowest > 0.9 * 0.004, "{integrator}: {lowest} m");
+        assert!(kinetic(&solver) < 1e-3, "{integrator}: {} J", kinetic(&solver));
     }
 }

@@ -1,11 +1,12 @@
 //! What is shot at cloths and ropes does not get through.
 
-use bevy::math::{UVec2, Vec3};
-use bevy_mass_spring::nets::{Cloth, ClothMaterial, Rope};
+use bevy::math::{Quat, UVec2, Vec3};
+use bevy_mass_spring::nets::{Cloth, ClothMaterial, Rope, RopeMaterial};
 use bevy_mass_spring::solver::{Integrator, PairRules, Solver, StepSettings, SubstepMode};
 
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
+use crate::{ELASTIC, SCHEMES, SOFT};
 
 fn settings(integrator: Integrator, substeps: u32) -> StepSettings {
     StepSettings {
@@ -38,12 +39,16 @@ impl Numbers {
     }
 }
 
+fn is_explicit(integrator: Integrator) -> bool {
+    integrator == Integrator::SemiImplicitEuler
+}
+
 /// A cloth of 1 m whose border is pinned, in the plane y = 0.
-fn cloth(solver: &mut Solver, cells: u32, radius: f32) -> Shapes {
+fn cloth(solver: &mut Solver, cells: u32, radius: f32, integrator: Integrator) -> Shapes {
     let first = solver.particle_count();
     let cloth = Cloth::grid(Vec3::new(-0.5, 0.0, -0.5), Vec3::X, Vec3::Z, UVec2::splat(cells))
         .with_radius(radius)
-        .with_material(ClothMaterial::COTTON);
+        .with_material(if is_explicit(integrator) { SOFT } else { ClothMaterial::COTTON });
     let topology = cloth.topology().unwrap();
     let row = cells + 1;
     let is_border =
@@ -68,10 +73,10 @@ fn shoot(mut solver: Solver, shapes: &Shapes, settings: &StepSettings, ticks: u3
 #[test]
 fn balls_do_not_pass_through_a_cloth() {
     let mut numbers = Numbers(1);
-    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler] {
+    for integrator in SCHEMES {
         for shot in 0..6 {
             let mut solver = Solver::default();
-            let mut shapes = cloth(&mut solver, 10, 0.005);
+            let mut shapes = cloth(&mut solver, 10, 0.005, integrator);
             let target = Vec3::new(numbers.next() - 0.5, 0.0, numbers.next() - 0.5) * 0.6;
             let mut direction = numbers.direction();
             direction.y = -direction.y.abs() - 0.3;
@@ -89,14 +94,16 @@ fn balls_do_not_pass_through_a_cloth() {
 #[test]
 fn ropes_do_not_pass_through_ropes() {
     let mut numbers = Numbers(2);
-    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler] {
+    for integrator in SCHEMES {
         for shot in 0..6 {
             let mut solver = Solver::default();
-            let rope = Rope::new(1.0).with_segments(20).with_radius(0.005).topology().unwrap();
+            let material = if is_explicit(integrator) { ELASTIC } else { RopeMaterial::HEMP };
+            let rope = Rope::new(1.0).with_segments(20).with_radius(0.005).with_material(material);
+            let rope = rope.topology().unwrap();
             let last = rope.positions.len() as u32 - 1;
             add_net(&mut solver, &rope, Vec3::ZERO, &[0, last]);
             let across = Rope::between(Vec3::new(0.0, 0.0, -0.3), Vec3::new(0.0, 0.0, 0.3));
-            let across = across.with_segments(12).with_radius(0.005).topology().unwrap();
+            let across = across.with_segments(12).with_radius(0.005).with_material(material).topology().unwrap();
             let middle = 0.5 * (rope.positions[0] + rope.positions[last as usize]);
             add_net(&mut solver, &across, middle + Vec3::new(0.0, 0.3, 0.0), &[]);
             let speed = 10.0 * 100.0_f32.powf(numbers.next());
@@ -109,6 +116,46 @@ fn ropes_do_not_pass_through_ropes() {
             let shapes = Shapes { edges: edges.chain(other).collect(), ..Shapes::default() };
             let case = format!("{integrator}, shot {shot}: {speed} m/s");
             shoot(solver, &shapes, &settings(integrator, 8), 80, &case);
+        }
+    }
+}
+
+#[test]
+fn cloths_and_ropes_do_not_pass_through_a_cloth() {
+    let mut numbers = Numbers(3);
+    for integrator in SCHEMES {
+        for shot in 0..4 {
+            let mut solver = Solver::default();
+            let mut shapes = cloth(&mut solver, 10, 0.005, integrator);
+            let first = solver.particle_count();
+            let turn = Quat::from_axis_angle(numbers.direction(), 3.0 * numbers.next());
+            let (cloth, rope) = (shot % 2 == 0, is_explicit(integrator));
+            let thrown = if cloth {
+                let corner = Vec3::new(-0.1, -0.1, 0.0);
+                let cloth = Cloth::grid(corner, Vec3::X * 0.2, Vec3::Y * 0.2, UVec2::splat(4));
+                let material = if rope { SOFT } else { ClothMaterial::COTTON };
+                cloth.with_radius(0.005).with_material(material).topology().unwrap()
+            } else {
+                let material = if rope { ELASTIC } else { RopeMaterial::HEMP };
+                let rope = Rope::between(Vec3::X * -0.2, Vec3::X * 0.2).with_segments(8);
+                rope.with_radius(0.005).with_material(material).topology().unwrap()
+            };
+            let mut topology = thrown.clone();
+            for place in &mut topology.positions {
+                *place = turn * *place;
+            }
+            add_net(&mut solver, &topology, Vec3::Y * 0.4, &[]);
+            let speed = 10.0 * 100.0_f32.powf(numbers.next());
+            for slot in first..solver.particle_count() {
+                solver.set_velocity(slot, Vec3::NEG_Y * speed);
+            }
+            let corners = |list: &[u32; 3]| list.map(|corner| first + corner as usize);
+            let triangles = topology.triangles.iter().map(corners).collect();
+            let edges = topology.springs.iter().filter(|_| !cloth);
+            let edges = edges.map(|(ends, _)| ends.map(|end| first + end as usize)).collect();
+            shapes = shapes.and(Shapes::of_triangles(triangles)).and(Shapes { edges, ..Shapes::default() });
+            let case = format!("{integrator}, shot {shot}: {speed} m/s");
+            shoot(solver, &shapes, &settings(integrator, 16), 160, &case);
         }
     }
 }

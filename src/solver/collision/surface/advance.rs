@@ -59,7 +59,6 @@ impl Advance {
             return false;
         }
         let count = particles.len();
-        self.stopped.clear();
         self.stopped.reserve(count);
         for parts in [&mut self.parts, &mut self.next] {
             parts.clear();
@@ -67,17 +66,48 @@ impl Advance {
         }
         self.is_carried.clear();
         self.is_carried.resize(count, false);
+        let mut is_settled = false;
         for round in 0..MAX_ROUNDS {
-            if !self.shorten(search, start, particles, round) {
+            is_settled = !self.shorten(search, start, particles, round);
+            if is_settled {
                 break;
             }
         }
-        for slot in self.stopped.iter().map(|slot| *slot as usize).filter(|slot| self.parts[*slot] < 1.0) {
-            let [from, to] = [start.get(slot), particles.position.get(slot)];
-            let part = self.parts[slot];
-            particles.position.set(slot, if part == 0.0 { from } else { from + part * (to - from) });
+        if !is_settled {
+            self.stop_all(particles);
         }
-        !self.stopped.is_empty()
+        let mut any = false;
+        for slot in self.stopped.iter().map(|slot| *slot as usize) {
+            // Some are listed more than once.
+            let part = std::mem::replace(&mut self.parts[slot], 1.0);
+            if part < 1.0 {
+                let [from, to] = [start.get(slot), particles.position.get(slot)];
+                particles.position.set(slot, if part == 0.0 { from } else { from + part * (to - from) });
+                any = true;
+            }
+        }
+        any
+    }
+
+    /// Puts all free particles back to where they were.
+    pub fn put_back(&mut self, start: &Vectors, particles: &mut Particles) {
+        for slot in 0..particles.len() {
+            if !particles.is_pinned(slot) {
+                particles.position.set(slot, start.get(slot));
+                self.stopped.push(slot as u32);
+            }
+        }
+    }
+
+    /// Leaves all where it was.
+    fn stop_all(&mut self, particles: &Particles) {
+        let Self { parts, next, stopped, .. } = self;
+        for slot in (0..parts.len()).filter(|slot| !particles.is_pinned(*slot)) {
+            if parts[slot] == 1.0 {
+                stopped.push(slot as u32);
+            }
+            (parts[slot], next[slot]) = (0.0, 0.0);
+        }
     }
 
     /// The particles that were stopped in the last substep.

@@ -50,6 +50,9 @@ use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
+/// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs.
+const MAX_STOPS: u32 = 6;
+
 /// No place among those that touch.
 const NONE: u32 = u32::MAX;
 
@@ -163,9 +166,22 @@ impl Surfaces {
         if !self.is_active {
             return false;
         }
-        let moving = Moving { start: &self.start, end: &particles.position, particles };
-        self.search.ensure(&self.primitives, moving, (skins, 0.0));
-        self.advance.stop(&self.search, &self.start, particles)
+        let Self { advance, search, primitives, start, .. } = self;
+        let mut any = false;
+        for _ in 0..MAX_STOPS {
+            // Where some stop and others go on they may meet what they would have gone along with.
+            let moving = Moving { start, end: &particles.position, particles };
+            let is_new = search.ensure(primitives, moving, (skins, 0.0));
+            if any && !is_new {
+                return true;
+            }
+            if !advance.stop(search, start, particles) {
+                return any;
+            }
+            any = true;
+        }
+        advance.put_back(start, particles);
+        true
     }
 
     /// Copies the particles that touch something, and gives the contacts their places.

@@ -33,6 +33,10 @@ const ROUNDING: f32 = 4e-7;
 /// Number of pairs for each primitive, and beside them, from which on there are too many: of what is put into each other.
 const MAX_PAIRS: [usize; 2] = [200, 100_000];
 
+/// Number of pairs for each primitive that are searched anew after some substeps.
+const MANY_PAIRS: usize = 8;
+const MAX_AGE: u32 = 48;
+
 /// Two primitives that may touch before a vertex leaves its box.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Candidate {
@@ -57,6 +61,8 @@ pub(super) struct Search {
     /// Whether what was found is all that is needed: too much was not looked at.
     pub is_complete: bool,
     is_good: bool,
+    /// Number of times that it has been good enough since.
+    age: u32,
     /// How far beyond where they touch pairs are wanted, m.
     margin: f32,
     /// By slot.
@@ -104,15 +110,25 @@ impl Search {
     }
 
     /// Makes the candidates good for a substep: all pairs that come within `margin` m of touching are among them, in an order
-    /// that does not depend on when they were found.
-    pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
-        self.is_good &= margin <= self.margin;
+    /// that does not depend on when they were found. Whether it has searched.
+    pub fn ensure(
+        &mut self,
+        primitives: &Primitives,
+        moving: Moving,
+        (skins, margin): (&[Skin], f32),
+    ) -> bool {
+        // Those that were found for fast motions are too many for slow ones.
+        self.age = self.age.saturating_add(1);
+        let many = MANY_PAIRS * (primitives.forest.edges.len() + primitives.forest.triangles.len());
+        self.is_good &= margin <= self.margin && !(self.age > MAX_AGE && self.candidates.len() > many);
         if !(self.is_good && self.still_holds(primitives, moving)) {
             self.margin = self.margin.max(margin);
             self.search(primitives, moving, skins);
-            self.is_good = true;
+            (self.is_good, self.age) = (true, 0);
             self.measure(primitives, moving);
+            return true;
         }
+        false
     }
 
     /// The means of where a body's vertices are at the start and at the end, relative to those in the search.

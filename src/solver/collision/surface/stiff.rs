@@ -103,11 +103,21 @@ fn stiff_contact(
     let unit = |vector: Vec3A| vector.as_dvec3().normalize();
     StiffContact {
         slots: candidate.slots,
-        weights: weights.map(f64::from),
+        weights: balanced(weights, candidate.kind.first_side()),
         normal: unit(normal),
         reach: reach.into(),
         restitution: restitution.into(),
         friction: friction.into(),
         kind: candidate.kind,
     }
+}
+
+/// The weights of which those of the `first` corners add up to 1 and the others to −1, without the rounding of an f32.
+fn balanced(weights: [f32; 4], first: usize) -> [f64; 4] {
+    let mut weights = weights.map(f64::from);
+    let (one, other) = weights.split_at_mut(first);
+    let (sum, other_sum) = (one.iter().sum::<f64>(), -other.iter().sum::<f64>());
+    one.iter_mut().for_each(|weight| *weight /= sum);
+    other.iter_mut().for_each(|weight| *weight /= other_sum);
+    weights
 }

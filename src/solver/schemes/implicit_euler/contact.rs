@@ -8,6 +8,9 @@ use crate::solver::collision::Obstacle;
 use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::Linked;
 
+/// K of contacts of surfaces, at most, as a multiple of the inertia.
+const SURFACE_STIFFENING: f64 = 300.0;
+
 /// A particle that touches an obstacle or another particle, or may in this step.
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
@@ -114,6 +117,21 @@ impl Contact {
         self.count == 0 && !matches!(self.partner, Partner::Surface { .. })
     }
 
+    /// K, N/m, where it is to be this multiple of the inertia. Surfaces yield by parts of their thickness, so that theirs need not be so
+    /// great; it would have the method of conjugate gradients take many more iterations, as it couples several particles.
+    fn stiffness(&self, multiple: f64) -> f64 {
+        let is_surface = matches!(self.partner, Partner::Surface { .. });
+        self.inertia * if is_surface { multiple.min(SURFACE_STIFFENING) } else { multiple }
+    }
+
+    /// The slip in m below which friction of at most `limit` N is viscous; of surfaces it is as stiff as these are, at most.
+    fn creep(&self, creep: f64, limit: f64) -> f64 {
+        match self.partner {
+            Partner::Surface { .. } => creep.max(limit / (SURFACE_STIFFENING * self.inertia)),
+            _ => creep,
+        }
+    }
+
     /// The part of its force that comes from what nothing in the step can move.
     pub fn outer_part(&self) -> f64 {
         match self.partner {
@@ -160,9 +178,10 @@ impl Contact {
     /// Its energy at these positions, J; `stiffness` is K as a multiple of the inertia, `creep` in m.
     pub fn energy(&self, position: &[DVec3], stiffness: f64, creep: f64) -> f64 {
         let (gap, normal) = self.gap(position);
-        let stiffness = stiffness * self.inertia;
+        let stiffness = self.stiffness(stiffness);
         let force = (self.multiplier + stiffness * (self.allowed - gap)).max(0.0);
-        let friction = rub(self.slip(position, normal), self.friction * self.lagged, creep);
+        let limit = self.friction * self.lagged;
+        let friction = rub(self.slip(position, normal), limit, self.creep(creep, limit));
         0.5 * force * force / stiffness + friction.energy
     }
 
@@ -171,16 +190,16 @@ impl Contact {
         let (gap, normal) = self.gap(position);
         self.depth = self.allowed - gap;
         self.normal = normal;
-        self.force = (self.multiplier + stiffness * self.inertia * self.depth).max(0.0);
+        self.force = (self.multiplier + self.stiffness(stiffness) * self.depth).max(0.0);
         normal
     }
 
     /// Adds what it contributes at these positions; its energy in J.
     pub fn linearise(&mut self, position: &[DVec3], stiffness: f64, creep: f64, sums: &mut Sums) -> f64 {
         let normal = self.press(position, stiffness);
-        let stiffness = stiffness * self.inertia;
+        let stiffness = self.stiffness(stiffness);
         let limit = self.friction * self.lagged;
-        let friction = rub(self.slip(position, normal), limit, creep);
+        let friction = rub(self.slip(position, normal), limit, self.creep(creep, limit));
         self.rubbing = friction.force;
         if self.force == 0.0 && limit == 0.0 {
             return 0.0;
@@ -201,7 +220,7 @@ impl Contact {
     /// Holds what has touched where it is, or sends it back by `rebound`.
     pub fn send_back(&self, stiffness: f64, sums: &mut Sums) {
         if self.force > 0.0 {
-            let stiffness = stiffness * self.inertia;
+            let stiffness = self.stiffness(stiffness);
             self.add(self.normal * (stiffness * self.rebound), [stiffness, 0.0], sums);
         }
     }

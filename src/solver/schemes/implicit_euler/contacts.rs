@@ -41,6 +41,9 @@ const GROWTH: f64 = 30.0;
 /// Number of solutions of a step in search of its contacts, at most.
 const MAX_PASSES: usize = 5;
 
+/// The same where surfaces touch: few of these are solved to the end.
+const MAX_SURFACE_PASSES: usize = 3;
+
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
 pub(super) const RECOVERY_SPEED: f64 = 0.1;
 
@@ -70,6 +73,8 @@ pub(super) struct Contacts {
     max_depth: f64,
     /// Number of solutions so far.
     passes: usize,
+    /// The same at most.
+    max_passes: usize,
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
@@ -139,7 +144,7 @@ impl Contacts {
         self.changed = false;
         let free = 0..elimination.free;
         let longest = longest_way(free.clone(), start, flight);
-        (self.stiffness, self.passes) = (STIFFENING, 0);
+        (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
         self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
         self.reach = least_reach.max(REACH * longest);
@@ -209,14 +214,18 @@ impl Contacts {
     /// Adds contacts of surfaces; `node_of` has the nodes of their free corners.
     pub fn add_surfaces(&mut self, motion: &Motion, found: &[StiffContact], node_of: &[u32]) {
         let Motion { particles, start, flight, inertia, h, .. } = *motion;
+        if !found.is_empty() {
+            self.max_passes = MAX_SURFACE_PASSES;
+        }
         for contact in found {
             let corners = || contact.corners().filter(|(slot, _)| !particles.is_pinned(*slot));
             let nodes = || corners().map(|(slot, weight)| (node_of[slot] as usize, weight));
-            let (mut pinned, mut pinned_way) = (DVec3::ZERO, DVec3::ZERO);
+            let (mut pinned, mut pinned_way, mut held) = (DVec3::ZERO, DVec3::ZERO, 0.0);
             for (slot, weight) in contact.corners().filter(|(slot, _)| particles.is_pinned(*slot)) {
                 let way = h * particles.velocity.get(slot).as_dvec3();
                 pinned += weight * (particles.position.get(slot).as_dvec3() + way);
                 pinned_way += weight * way;
+                held += weight;
             }
             let sum = |vectors: &[DVec3]| nodes().map(|(node, weight)| vectors[node] * weight).sum::<DVec3>();
             let Some((node, weight)) = nodes().next() else { continue };
@@ -248,7 +257,7 @@ impl Contacts {
                         normal,
                         reach,
                         pinned,
-                        free_weight: nodes().map(|(_, weight)| weight).sum(),
+                        free_weight: -held,
                     },
                 )
             });
@@ -318,7 +327,7 @@ impl Contacts {
 
     /// Number of Newton steps of the next solution, at most.
     pub fn max_steps(&self) -> usize {
-        let is_last = !self.any() || self.passes + 1 == MAX_PASSES;
+        let is_last = !self.any() || self.passes + 1 == self.max_passes;
         if is_last { MAX_STEPS } else { STEPS_OF_A_PASS }
     }
 
@@ -333,11 +342,14 @@ impl Contacts {
         let mut deepest = 0.0_f64;
         for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
             rubs |= contact.friction > 0.0;
-            deepest = deepest.max(contact.depth.abs());
+            if !matches!(contact.partner, Partner::Surface { .. }) {
+                deepest = deepest.max(contact.depth.abs());
+            }
         }
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
-            if is_solved {
+            // Many contacts of surfaces do the same: which of them hold is not found to the last one.
+            if is_solved && !matches!(contact.partner, Partner::Surface { .. }) {
                 contact.multiplier = contact.force;
             }
         }
@@ -346,7 +358,7 @@ impl Contacts {
             self.stiffness *= GROWTH;
         }
         let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
-        is_due && self.any() && self.passes < MAX_PASSES
+        is_due && self.any() && self.passes < self.max_passes
     }
 
     /// The energy at these positions, J.

@@ -236,9 +236,13 @@ impl Island {
             if obstacles.any_thin() {
                 contacts.add_features(&motion, features, (obstacles, surroundings));
             }
+            if !surfaces.is_empty() {
+                system.begin_low(elimination);
+            }
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
+                if std::env::var("MS_DBG").is_ok() && !surfaces.is_empty() { eprintln!("  solved {is_solved} of {max_steps}"); }
                 if !system.contacts.refine(&system.position, is_solved) {
                     break;
                 }

@@ -149,6 +149,19 @@ impl System {
         }
     }
 
+    /// Begins the iteration from where the potential is lower: from where the nodes were, if what they touch on the way weighs more
+    /// than the way. Whatever the iteration comes to then has no more energy than these.
+    pub fn begin_low(&mut self, elimination: &Elimination) {
+        self.linearise(elimination);
+        let moved = self.potential(elimination);
+        let free = 0..elimination.free;
+        self.step[free.clone()].copy_from_slice(&self.position[free.clone()]);
+        self.position[free.clone()].copy_from_slice(&self.start[free.clone()]);
+        if self.potential(elimination) >= moved {
+            self.position[free.clone()].copy_from_slice(&self.step[free]);
+        }
+    }
+
     /// Allocates the nodes of `elimination`.
     pub fn resize(&mut self, elimination: &Elimination) {
         let count = elimination.slots.len() + 1;
