@@ -205,6 +205,9 @@ pub struct StepSettings {
     /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
     /// to that of the other, where particles collide. Default false.
     pub collide_springs: bool,
+    /// Whether surfaces of nets collide with each other where an implicit scheme advances any net, too; else, in ticks in which
+    /// one does, particles of nets collide as spheres. It may take ten times as long as all else. Default false.
+    pub implicit_surfaces: bool,
     /// Whether all motion is in a plane of constant z: what is in one place parts within it. Default false.
     pub is_flat: bool,
 }
@@ -223,6 +226,7 @@ impl Default for StepSettings {
             collide_with_colliders: true,
             pair_rules: None,
             collide_springs: false,
+            implicit_surfaces: false,
             is_flat: false,
         }
     }

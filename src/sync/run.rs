@@ -111,6 +111,7 @@ impl Configuration<'_, '_> {
             collide_with_colliders: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
             collide_springs: springs,
+            implicit_surfaces: false,
             is_flat: *self.dimensions == Dimensions::Two,
         }
     }

@@ -8,23 +8,23 @@ use bevy_mass_spring::solver::{
 
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
-use crate::{SCHEMES, SOFT};
+use crate::{LONG_SCHEMES, SOFT};
 
 const BALL: f32 = 0.3;
-const RADIUS: f32 = 0.008;
+const RADIUS: f32 = 0.01;
 
 /// After Bridson, Fedkiw and Anderson, *Robust treatment of collisions, contact and friction for cloth animation* (2002): a
 /// cloth falls onto a ball, which then turns and takes it along.
 #[test]
 fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
-    for integrator in SCHEMES {
+    for integrator in LONG_SCHEMES {
         let mut solver = Solver::default();
         let material = Material { friction: 0.6, ..Material::default() };
         let pose = Pose { point: Vec3::ZERO, rotation: Quat::IDENTITY };
         solver.add_collider(Collider { material, ..Collider::resting(Shape::ball(BALL), pose) });
         let is_explicit = integrator == Integrator::SemiImplicitEuler;
         let corner = Vec3::new(-0.6, 0.0, -0.6);
-        let cloth = Cloth::grid(corner, Vec3::X * 1.2, Vec3::Z * 1.2, UVec2::splat(24)).with_radius(RADIUS);
+        let cloth = Cloth::grid(corner, Vec3::X * 1.2, Vec3::Z * 1.2, UVec2::splat(20)).with_radius(RADIUS);
         let cloth = cloth.with_material(if is_explicit { SOFT } else { ClothMaterial::COTTON });
         let topology = cloth.topology().unwrap();
         add_net(&mut solver, &topology, Vec3::new(0.02, BALL + 0.02, 0.01), &[]);
@@ -42,11 +42,12 @@ fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
             gravity: Vec3::NEG_Y * 9.81,
             viscosity: 1e-4,
             pair_rules: Some(PairRules { restitution: 0.0, friction: 0.4 }),
+            implicit_surfaces: true,
             ..StepSettings::default()
         };
         let turned = |tick: u32| Quat::from_rotation_y(3.0 * (tick as f32 / 120.0 - 0.75).max(0.0));
         let mut touching = 0;
-        for tick in 0..240 {
+        for tick in 0..210 {
             let ball = &mut solver.inputs_mut().colliders[0];
             (ball.start.rotation, ball.target.rotation) = (turned(tick), turned(tick + 1));
             solver.step(&settings);
@@ -56,7 +57,7 @@ fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
             let nearest = places.iter().map(|place| place.length()).fold(f32::INFINITY, f32::min);
             assert!(nearest > BALL, "{integrator}, tick {tick}: {nearest} m");
         }
-        assert!(touching > 100, "{integrator}: {touching}");
+        assert!(touching > 50, "{integrator}: {touching}");
         // What lies on top of the ball turns with it.
         let places = positions(&solver);
         let highest = (0..places.len()).max_by(|one, other| places[*one].y.total_cmp(&places[*other].y));

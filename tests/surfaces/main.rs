@@ -17,6 +17,9 @@ use bevy_mass_spring::solver::Integrator;
 const SCHEMES: [Integrator; 4] =
     [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::ImplicitEuler, Integrator::TrBdf2];
 
+/// The same for long scenes.
+const LONG_SCHEMES: [Integrator; 3] = [Integrator::SemiImplicitEuler, Integrator::Xpbd, Integrator::TrBdf2];
+
 /// A cloth that explicit schemes can follow in a millisecond.
 const SOFT: ClothMaterial = ClothMaterial {
     area_density: 0.15,

@@ -17,7 +17,7 @@ use crate::solver::particles::{Particles, Vectors};
 const PATIENT_ROUNDS: u32 = 6;
 
 /// Number of rounds, at most.
-const MAX_ROUNDS: u32 = 64;
+const MAX_ROUNDS: u32 = 256;
 
 /// The part of the present distance below which two do not come that are nearer than the least distance already.
 const KEPT_PART: f32 = 0.97;

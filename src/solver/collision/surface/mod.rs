@@ -51,7 +51,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
 /// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs.
-const MAX_STOPS: u32 = 6;
+const MAX_STOPS: u32 = 16;
 
 /// No place among those that touch.
 const NONE: u32 = u32::MAX;
@@ -76,15 +76,16 @@ pub(in crate::solver) struct Surfaces {
 }
 
 impl Surfaces {
-    /// To be called at the start of a tick.
+    /// To be called at the start of a tick, in which surfaces collide if that `is_wanted`.
     pub fn begin_tick(
         &mut self,
         mesh: &CollisionMesh,
         elements: &Elements,
         particles: &Particles,
         (settings, skins): (&StepSettings, &[Skin]),
+        is_wanted: bool,
     ) {
-        let any = settings.pair_rules.is_some();
+        let any = is_wanted && settings.pair_rules.is_some();
         if any && self.primitives.refresh(mesh, elements, particles, settings.collide_springs) {
             self.search.reset();
         }

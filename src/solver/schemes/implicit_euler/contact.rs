@@ -9,7 +9,7 @@ use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::Linked;
 
 /// K of contacts of surfaces, at most, as a multiple of the inertia.
-const SURFACE_STIFFENING: f64 = 300.0;
+const SURFACE_STIFFENING: f64 = 100.0;
 
 /// A particle that touches an obstacle or another particle, or may in this step.
 #[derive(Debug, Clone)]

@@ -41,8 +41,9 @@ const GROWTH: f64 = 30.0;
 /// Number of solutions of a step in search of its contacts, at most.
 const MAX_PASSES: usize = 5;
 
-/// The same where surfaces touch: few of these are solved to the end.
-const MAX_SURFACE_PASSES: usize = 3;
+/// The same where surfaces touch, and the number of Newton steps of the last one: few of these are solved to the end.
+const MAX_SURFACE_PASSES: usize = 2;
+const MAX_SURFACE_STEPS: usize = 12;
 
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
 pub(super) const RECOVERY_SPEED: f64 = 0.1;
@@ -304,6 +305,11 @@ impl Contacts {
         held.filter(|contact| contact.outer_part() != 0.0)
     }
 
+    /// Whether anything that nothing in the step can move held in the last linearisation.
+    pub fn are_held_from_outside(&self) -> bool {
+        self.held_by_obstacles().next().is_some()
+    }
+
     /// The force of all obstacles, N.
     pub fn force(&self) -> DVec3 {
         self.held_by_obstacles()
@@ -328,7 +334,11 @@ impl Contacts {
     /// Number of Newton steps of the next solution, at most.
     pub fn max_steps(&self) -> usize {
         let is_last = !self.any() || self.passes + 1 == self.max_passes;
-        if is_last { MAX_STEPS } else { STEPS_OF_A_PASS }
+        match is_last {
+            true if self.max_passes == MAX_SURFACE_PASSES => MAX_SURFACE_STEPS,
+            true => MAX_STEPS,
+            false => STEPS_OF_A_PASS,
+        }
     }
 
     /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with

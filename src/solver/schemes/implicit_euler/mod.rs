@@ -242,7 +242,6 @@ impl Island {
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
-                if std::env::var("MS_DBG").is_ok() && !surfaces.is_empty() { eprintln!("  solved {is_solved} of {max_steps}"); }
                 if !system.contacts.refine(&system.position, is_solved) {
                     break;
                 }
@@ -284,6 +283,7 @@ impl Island {
         if rebounds {
             system.load = 0.0;
             newton.solve_once(system, elimination);
+            self.balance_rebound();
         }
         self.finish(particles, acceleration, h, rebounds);
     }
@@ -344,6 +344,20 @@ impl Island {
         for position in &mut system.position[..elimination.free] {
             *position -= drift;
         }
+    }
+
+    /// Has what rebounds from nothing but itself keep its momentum: Σ (m/h² + ν/h) s = 0 of the steps s that send it back.
+    fn balance_rebound(&mut self) {
+        let Self { elimination, system, surfaces, .. } = self;
+        if surfaces.is_empty() || elimination.is_anchored() || system.contacts.are_held_from_outside() {
+            return;
+        }
+        let (mut drift, mut inertia) = (DVec3::ZERO, 0.0);
+        for node in 0..elimination.free {
+            drift += system.inertia[node] * system.step[node];
+            inertia += system.inertia[node];
+        }
+        system.step[..elimination.free].iter_mut().for_each(|step| *step -= drift / inertia);
     }
 
     /// Writes positions, velocities and accelerations back; what `rebounds` gets the last step for a change of its
