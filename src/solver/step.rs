@@ -107,7 +107,8 @@ pub(crate) fn step(
         };
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
         caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
-        let have_touched = caches.surfaces.resolve(&mut state.particles, substep, caches.contacts.implicit(), records);
+        let have_touched =
+            caches.surfaces.resolve(&mut state.particles, substep, caches.contacts.implicit(), records);
         if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {
@@ -344,7 +345,15 @@ impl Caches {
             }
         }
         let net = Net { elements, colouring, field, pinned, surroundings, elapsed };
-        schemes::advance(plan.integrator, net, blocks, particles, scratch, (implicit_euler, pulls, surfaces), substep);
+        schemes::advance(
+            plan.integrator,
+            net,
+            blocks,
+            particles,
+            scratch,
+            (implicit_euler, pulls, surfaces),
+            substep,
+        );
         if let Some(position) = position {
             interleaved.after_substep(particles, &mut scratch.acceleration, position);
         }

@@ -6,9 +6,9 @@ use bevy_mass_spring::solver::{
     Collider, Integrator, Material, PairRules, Pose, Shape, Solver, StepSettings, SubstepMode,
 };
 
+use crate::SOFT;
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
-use crate::{LONG_SCHEMES, SOFT};
 
 const BALL: f32 = 0.3;
 const RADIUS: f32 = 0.01;
@@ -17,7 +17,7 @@ const RADIUS: f32 = 0.01;
 /// cloth falls onto a ball, which then turns and takes it along.
 #[test]
 fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
-    for integrator in LONG_SCHEMES {
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd] {
         let mut solver = Solver::default();
         let material = Material { friction: 0.6, ..Material::default() };
         let pose = Pose { point: Vec3::ZERO, rotation: Quat::IDENTITY };
@@ -32,8 +32,7 @@ fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
         let shapes = Shapes::of_triangles(topology.triangles.iter().map(corners).collect());
         let substeps = match integrator {
             Integrator::SemiImplicitEuler => 16,
-            Integrator::Xpbd => 8,
-            _ => 2,
+            _ => 8,
         };
         let settings = StepSettings {
             integrator,

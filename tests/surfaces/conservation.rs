@@ -2,9 +2,7 @@
 
 use bevy::math::{DVec3, Quat, UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, ClothMaterial, Rope, RopeMaterial};
-use bevy_mass_spring::solver::{
-    Collider, Integrator, PairRules, Solver, StepSettings, SubstepMode,
-};
+use bevy_mass_spring::solver::{Collider, Integrator, PairRules, Solver, StepSettings, SubstepMode};
 
 use crate::common::bodies::{add_net, solver_bits};
 use crate::{ELASTIC, SCHEMES, SOFT};

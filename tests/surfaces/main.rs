@@ -1,8 +1,8 @@
 //! Ropes, cloths and other surfaces against each other and against themselves: nothing ever passes through anything.
 
+mod balls;
 #[path = "../common/mod.rs"]
 mod common;
-mod balls;
 mod conservation;
 mod impacts;
 mod knots;

@@ -81,7 +81,12 @@ fn what_starts_crossed_does_not_explode() {
         let cloth = Cloth::grid(corner, Vec3::X * 0.4, Vec3::Z * 0.4, UVec2::splat(6)).with_radius(0.01);
         add_net(&mut solver, &cloth.with_material(SOFT).topology().unwrap(), Vec3::ZERO, &[]);
         let rope = Rope::between(Vec3::Y * -0.2, Vec3::Y * 0.2).with_segments(7).with_radius(0.01);
-        add_net(&mut solver, &rope.with_material(ELASTIC).topology().unwrap(), Vec3::new(0.01, 0.0, 0.02), &[]);
+        add_net(
+            &mut solver,
+            &rope.with_material(ELASTIC).topology().unwrap(),
+            Vec3::new(0.01, 0.0, 0.02),
+            &[],
+        );
         let before = positions(&solver);
         for _ in 0..200 {
             solver.step(&settings(integrator));

@@ -104,7 +104,8 @@ fn ropes_do_not_pass_through_ropes() {
             let last = rope.positions.len() as u32 - 1;
             add_net(&mut solver, &rope, Vec3::ZERO, &[0, last]);
             let across = Rope::between(Vec3::new(0.0, 0.0, -0.3), Vec3::new(0.0, 0.0, 0.3));
-            let across = across.with_segments(12).with_radius(0.005).with_material(material).topology().unwrap();
+            let across =
+                across.with_segments(12).with_radius(0.005).with_material(material).topology().unwrap();
             let middle = 0.5 * (rope.positions[0] + rope.positions[last as usize]);
             add_net(&mut solver, &across, middle + Vec3::new(0.0, 0.3, 0.0), &[]);
             let speed = 10.0 * 100.0_f32.powf(numbers.next());

@@ -239,7 +239,9 @@ impl Obstacles {
         let Some(rules) = settings.pair_rules else { return };
         let is_covered = |slot: usize| surroundings.covered.get(slot) == Some(&true);
         let pinned = particles.radius().iter().enumerate();
-        for (slot, radius) in pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot) && !is_covered(*slot)) {
+        for (slot, radius) in
+            pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot) && !is_covered(*slot))
+        {
             let (velocity, radius) = (particles.velocity.get(slot).as_dvec3(), f64::from(*radius));
             let centre = particles.position.get(slot).as_dvec3() + duration * velocity;
             let obstacle = Obstacle {

@@ -17,7 +17,7 @@ use crate::solver::particles::{Particles, Vectors};
 const PATIENT_ROUNDS: u32 = 6;
 
 /// Number of rounds, at most.
-const MAX_ROUNDS: u32 = 256;
+const MAX_ROUNDS: u32 = 64;
 
 /// The part of the present distance below which two do not come that are nearer than the least distance already.
 const KEPT_PART: f32 = 0.97;
@@ -50,7 +50,7 @@ impl Advance {
     /// Stops the particles that would pass through something on the way from `start`; whether there were any.
     pub fn stop(
         &mut self,
-        search: &Search,
+        (search, on_mesh): (&Search, &[bool]),
         start: &Vectors,
         particles: &mut Particles,
     ) -> bool {
@@ -74,7 +74,7 @@ impl Advance {
             }
         }
         if !is_settled {
-            self.stop_all(particles);
+            self.stop_all(particles, on_mesh);
         }
         let mut any = false;
         for slot in self.stopped.iter().map(|slot| *slot as usize) {
@@ -89,20 +89,20 @@ impl Advance {
         any
     }
 
-    /// Puts all free particles back to where they were.
-    pub fn put_back(&mut self, start: &Vectors, particles: &mut Particles) {
+    /// Puts all surfaces and balls back to where they were.
+    pub fn put_back(&mut self, start: &Vectors, particles: &mut Particles, on_mesh: &[bool]) {
         for slot in 0..particles.len() {
-            if !particles.is_pinned(slot) {
+            if may_stop(particles, on_mesh, slot) {
                 particles.position.set(slot, start.get(slot));
                 self.stopped.push(slot as u32);
             }
         }
     }
 
-    /// Leaves all where it was.
-    fn stop_all(&mut self, particles: &Particles) {
+    /// Leaves all surfaces and balls where they were.
+    fn stop_all(&mut self, particles: &Particles, on_mesh: &[bool]) {
         let Self { parts, next, stopped, .. } = self;
-        for slot in (0..parts.len()).filter(|slot| !particles.is_pinned(*slot)) {
+        for slot in (0..parts.len()).filter(|slot| may_stop(particles, on_mesh, *slot)) {
             if parts[slot] == 1.0 {
                 stopped.push(slot as u32);
             }
@@ -159,11 +159,11 @@ impl Advance {
             if ways.end_gap(pair.direction) >= pair.least {
                 continue;
             }
-            let time = ways.first_near(pair.distance, pair.least);
+            let is_patient = round < PATIENT_ROUNDS;
+            let time = if is_patient { ways.first_near(pair.distance, pair.least) } else { 0.0 };
             if time >= 1.0 {
                 continue;
             }
-            let time = if round < PATIENT_ROUNDS { time } else { 0.0 };
             any |= stop_pair((slots, time), particles, (parts, next, stopped));
             if slots.iter().all(|slot| particles.is_pinned(*slot) || parts[*slot] == 0.0) {
                 any |= carry(slots, &ways, start, particles, (parts, next, is_carried));
@@ -174,6 +174,11 @@ impl Advance {
         }
         any
     }
+}
+
+/// Whether the particle in a slot is free, and a ball or a corner of a surface.
+fn may_stop(particles: &Particles, on_mesh: &[bool], slot: usize) -> bool {
+    !particles.is_pinned(slot) && (on_mesh[slot] || particles.radius()[slot] > 0.0)
 }
 
 /// Has the free particles of a pair go no further than it may; whether that is less far than before.

@@ -5,8 +5,8 @@ use bevy::math::{Vec3, Vec3A};
 use super::pair::{Kind, Ways};
 use super::primitives::owns;
 use super::search::{Candidate, Moving};
-use crate::solver::settings::PairRules;
 use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::PairRules;
 
 use super::super::material::{Material, Skin, skin_of};
 use super::super::response::{Approach, Rebound};

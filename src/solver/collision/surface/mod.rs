@@ -51,7 +51,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
 /// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs.
-const MAX_STOPS: u32 = 16;
+const MAX_STOPS: u32 = 4;
 
 /// No place among those that touch.
 const NONE: u32 = u32::MAX;
@@ -176,12 +176,12 @@ impl Surfaces {
             if any && !is_new {
                 return true;
             }
-            if !advance.stop(search, start, particles) {
+            if !advance.stop((search, &primitives.on_mesh), start, particles) {
                 return any;
             }
             any = true;
         }
-        advance.put_back(start, particles);
+        advance.put_back(start, particles, &primitives.on_mesh);
         true
     }
 

@@ -57,11 +57,7 @@ fn apply(
 }
 
 /// Finds the impulses. Velocities along resting contacts are left alone up to `tolerance`, m/s.
-pub(super) fn solve_velocities(
-    contacts: &mut [Contact],
-    bodies: &mut [Touching],
-    tolerance: f32,
-) {
+pub(super) fn solve_velocities(contacts: &mut [Contact], bodies: &mut [Touching], tolerance: f32) {
     for _ in 0..VELOCITY_ITERATIONS {
         let mut corrected = false;
         for contact in &mut *contacts {
@@ -73,11 +69,7 @@ pub(super) fn solve_velocities(
     }
 }
 
-fn correct_velocity(
-    contact: &mut Contact,
-    bodies: &mut [Touching],
-    tolerance: f32,
-) -> bool {
+fn correct_velocity(contact: &mut Contact, bodies: &mut [Touching], tolerance: f32) -> bool {
     let relative = combine(contact, bodies, |body| body.velocity);
     let missing = contact.target_velocity - relative.dot(contact.normal);
     if missing <= 0.0 && contact.impulse == 0.0 {

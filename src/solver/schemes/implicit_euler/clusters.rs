@@ -219,8 +219,7 @@ impl Clusters {
         heads.dedup();
         let mut known = std::mem::take(clusters);
         for number in heads {
-            let members: Vec<usize> =
-                (0..islands.len()).filter(|island| first[*island] == number).collect();
+            let members: Vec<usize> = (0..islands.len()).filter(|island| first[*island] == number).collect();
             // What is in no tree is in the core in any case.
             let is_in_tree = |slot: &u32| match island_of[*slot as usize] {
                 NO_ISLAND => true,
@@ -243,9 +242,8 @@ impl Clusters {
             });
         }
         for Cluster { members, lone, island, .. } in clusters {
-            let is_own = |slot: u32| {
-                lone.contains(&slot) || members.contains(&(island_of[slot as usize] as usize))
-            };
+            let is_own =
+                |slot: u32| lone.contains(&slot) || members.contains(&(island_of[slot as usize] as usize));
             let own = surfaces.iter().zip(&free).filter(|(_, slots)| is_own(slots[0]));
             island.surfaces.clear();
             island.surfaces.extend(own.map(|(contact, _)| *contact));

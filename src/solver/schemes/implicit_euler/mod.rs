@@ -35,9 +35,7 @@ mod wide;
 
 use bevy::math::{DVec3, Vec3};
 
-use crate::solver::collision::{
-    ContactRecord, Obstacles, StiffContact, StiffPair, Surfaces, Surroundings,
-};
+use crate::solver::collision::{ContactRecord, Obstacles, StiffContact, StiffPair, Surfaces, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::graph::{Elimination, IslandSet, Islands, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
