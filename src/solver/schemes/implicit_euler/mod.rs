@@ -29,6 +29,7 @@ mod island;
 mod linearised;
 mod newton;
 mod preconditioner;
+mod surfaces;
 mod system;
 mod tr_bdf2;
 mod wide;

@@ -1,0 +1,63 @@
+//! Contacts of surfaces in an implicit step: a point of one is held at a distance from a point of another one, along a direction
+//! that is fixed for the step.
+
+use bevy::math::DVec3;
+
+use super::contact::{Contact, Partner};
+use super::contacts::{Contacts, MAX_SURFACE_PASSES, Motion, RECOVERY_SPEED};
+use crate::solver::collision::StiffContact;
+
+impl Contacts {
+    /// Adds contacts of surfaces; `node_of` has the nodes of their free corners.
+    pub fn add_surfaces(&mut self, motion: &Motion, found: &[StiffContact], node_of: &[u32]) {
+        let Motion { particles, start, flight, inertia, h, .. } = *motion;
+        if !found.is_empty() {
+            self.max_passes = MAX_SURFACE_PASSES;
+        }
+        for contact in found {
+            let corners = || contact.corners().filter(|(slot, _)| !particles.is_pinned(*slot));
+            let nodes = || corners().map(|(slot, weight)| (node_of[slot] as usize, weight));
+            let (mut pinned, mut pinned_way, mut held) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            for (slot, weight) in contact.corners().filter(|(slot, _)| particles.is_pinned(*slot)) {
+                let way = h * particles.velocity.get(slot).as_dvec3();
+                pinned += weight * (particles.position.get(slot).as_dvec3() + way);
+                pinned_way += weight * way;
+                held += weight;
+            }
+            let sum = |vectors: &[DVec3]| nodes().map(|(node, weight)| vectors[node] * weight).sum::<DVec3>();
+            let Some((node, weight)) = nodes().next() else { continue };
+            let is_opposite = |(_, other): &(usize, f64)| (*other > 0.0) != (weight > 0.0);
+            let heaviest = contact
+                .corners()
+                .filter(is_opposite)
+                .max_by(|(_, one), (_, other)| one.abs().total_cmp(&other.abs()));
+            let mut others = [(0, 0.0); 3];
+            nodes().skip(1).zip(&mut others).for_each(|(corner, other)| *other = corner);
+            let (begin, reach, normal) = (sum(start), contact.reach, contact.normal);
+            let gap = (begin + pinned).dot(normal) - reach;
+            self.contacts.push(Contact {
+                weight,
+                others,
+                count: nodes().count() - 1,
+                radius: 0.5 * reach,
+                inertia: 1.0 / nodes().map(|(node, weight)| weight * weight / inertia[node]).sum::<f64>(),
+                allowed: (gap + RECOVERY_SPEED * h).min(0.0),
+                origin: begin - pinned_way,
+                approach: -(sum(flight) - begin + pinned_way).dot(normal) / h,
+                normal,
+                restitution: contact.restitution,
+                friction: contact.friction,
+                ..Contact::new(
+                    node,
+                    Partner::Surface {
+                        slot: heaviest.map_or(0, |(slot, _)| slot),
+                        normal,
+                        reach,
+                        pinned,
+                        free_weight: -held,
+                    },
+                )
+            });
+        }
+    }
+}
