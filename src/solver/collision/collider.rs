@@ -151,6 +151,20 @@ impl Placed {
         }
     }
 
+    /// No point of a surface moves farther in the substep, m.
+    pub fn longest_way(&self, place: usize, colliders: &[Collider]) -> f32 {
+        let collider = &colliders[self.numbers[place] as usize];
+        if !collider.moves() {
+            return 0.0;
+        }
+        let Moment { from, to, .. } = self.moments[place];
+        // Columns of a rotation differ by the ways of points at a distance of 1 on the axes.
+        let turned =
+            (to.rotation - from.rotation).to_cols_array().iter().map(|part| part * part).sum::<f64>();
+        let way = from.point.distance(to.point) + turned.sqrt() * f64::from(collider.shape.reach());
+        if way.is_nan() { f32::INFINITY } else { way as f32 * (1.0 + f32::EPSILON) }
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.numbers.is_empty()

@@ -9,7 +9,8 @@
 //! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
 //! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
 //! `pairs.rs`, `plane.rs` and `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are,
-//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` what touches them.
+//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` which particles touch them,
+//! `feature_search.rs` which edges and triangles.
 
 mod bodies;
 mod broad_phase;
@@ -17,6 +18,7 @@ mod candidates;
 mod chain_search;
 mod chains;
 mod collider;
+mod feature_search;
 mod features;
 mod grid;
 mod list;
@@ -46,6 +48,7 @@ use candidates::Candidates;
 use chains::Proof;
 pub use collider::Collider;
 use collider::Placed;
+use feature_search::FeatureSearch;
 use features::Features;
 pub(super) use features::{Feature, sum, weigh};
 pub use material::{CombineRule, Layers, Material, Skin};
@@ -90,6 +93,7 @@ pub(super) struct ContactCaches {
     placed: Placed,
     touches: Touches,
     features: Features,
+    feature_search: FeatureSearch,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
