@@ -162,13 +162,16 @@ pub(crate) struct Particles {
     pub velocity: Vectors,
     /// The user's forces, N, constant over a tick.
     pub applied_force: Vectors,
+    /// 0 of those that sleep.
     inverse_mass: Vec<f32>,
+    own_inverse_mass: Vec<f32>,
     radius: Vec<f32>,
     /// Those of one family, which is not 0, do not collide with each other.
     family: Vec<u32>,
     families: u32,
     mass_version: Version,
     free_version: Version,
+    movable_version: Version,
     added_version: Version,
 }
 
@@ -178,9 +181,14 @@ impl Particles {
         self.radius.len()
     }
 
-    /// 1 / mass of each, 1/kg; 0 for a pinned particle and an empty slot.
+    /// 1 / mass with which each answers to forces, 1/kg; 0 for a pinned particle, one that sleeps and an empty slot.
     pub fn inverse_mass(&self) -> &[f32] {
         &self.inverse_mass
+    }
+
+    /// 1 / mass of each, asleep or awake, 1/kg; 0 for a pinned particle and an empty slot.
+    pub fn own_inverse_mass(&self) -> &[f32] {
+        &self.own_inverse_mass
     }
 
     /// Radii, m.
@@ -188,15 +196,43 @@ impl Particles {
         &self.radius
     }
 
-    /// Positions and velocities to be written, beside inverse masses and radii.
+    /// Positions and velocities to be written, beside inverse masses and radii; those that sleep have their own.
     pub fn motion_mut(&mut self) -> (&mut Vectors, &mut Vectors, &[f32], &[f32]) {
-        (&mut self.position, &mut self.velocity, &self.inverse_mass, &self.radius)
+        (&mut self.position, &mut self.velocity, &self.own_inverse_mass, &self.radius)
     }
 
-    /// Whether no force moves the particle.
+    /// Positions and velocities to be written, beside the inverse masses with which particles answer to forces.
+    pub fn answers_mut(&mut self) -> (&mut Vectors, &mut Vectors, &[f32]) {
+        (&mut self.position, &mut self.velocity, &self.inverse_mass)
+    }
+
+    /// Whether no force moves the particle: it is pinned, or asleep.
     #[inline]
     pub fn is_pinned(&self, slot: usize) -> bool {
         self.inverse_mass[slot] == 0.0
+    }
+
+    /// Whether forces move the particle while it is awake.
+    #[inline]
+    pub fn is_movable(&self, slot: usize) -> bool {
+        self.own_inverse_mass[slot] != 0.0
+    }
+
+    /// Puts particles to sleep: no force moves them until they are woken.
+    pub fn put_to_sleep(&mut self, slots: impl Iterator<Item = usize>) {
+        for slot in slots {
+            self.velocity.set(slot, Vec3::ZERO);
+            self.inverse_mass[slot] = 0.0;
+        }
+        self.mass_version = Version::new();
+        self.free_version = self.mass_version;
+    }
+
+    /// Wakes particles.
+    pub fn wake(&mut self, slots: impl Iterator<Item = usize>) {
+        slots.for_each(|slot| self.inverse_mass[slot] = self.own_inverse_mass[slot]);
+        self.mass_version = Version::new();
+        self.free_version = self.mass_version;
     }
 
     /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg, radius in m.
@@ -205,10 +241,10 @@ impl Particles {
         self.velocity.push(velocity);
         self.applied_force.push(Vec3::ZERO);
         self.inverse_mass.push(inverse_mass);
+        self.own_inverse_mass.push(inverse_mass);
         self.radius.push(radius);
         self.family.push(0);
-        self.added_version = Version::new();
-        self.free_version = self.added_version;
+        self.note_added();
     }
 
     /// Appends particles: position in m, velocity in m/s, 1 / mass in 1/kg; all of the same radius, m.
@@ -218,12 +254,18 @@ impl Particles {
             self.position.push(position);
             self.velocity.push(velocity);
             self.inverse_mass.push(inverse_mass);
+            self.own_inverse_mass.push(inverse_mass);
         }
         self.applied_force.resize(count);
         self.radius.resize(count, radius);
         self.family.resize(count, 0);
+        self.note_added();
+    }
+
+    fn note_added(&mut self) {
         self.added_version = Version::new();
         self.free_version = self.added_version;
+        self.movable_version = self.added_version;
     }
 
     /// Empties a slot: a pinned point is left that touches nothing.
@@ -231,16 +273,22 @@ impl Particles {
         self.velocity.set(slot, Vec3::ZERO);
         self.applied_force.set(slot, Vec3::ZERO);
         self.inverse_mass[slot] = 0.0;
+        self.own_inverse_mass[slot] = 0.0;
         self.radius[slot] = 0.0;
-        self.added_version = Version::new();
-        self.free_version = self.added_version;
+        self.note_added();
     }
 
+    /// Gives a particle another mass; one that sleeps answers to forces with it once it wakes.
     pub fn set_inverse_mass(&mut self, slot: usize, inverse_mass: f32) {
-        let old = std::mem::replace(&mut self.inverse_mass[slot], inverse_mass);
+        let is_asleep = self.is_movable(slot) && self.is_pinned(slot);
+        let old = std::mem::replace(&mut self.own_inverse_mass[slot], inverse_mass);
+        if !is_asleep {
+            self.inverse_mass[slot] = inverse_mass;
+        }
         self.mass_version = Version::new();
         if (old > 0.0) != (inverse_mass > 0.0) {
             self.free_version = self.mass_version;
+            self.movable_version = self.mass_version;
         }
     }
 
@@ -270,6 +318,7 @@ impl Particles {
         *self = Self::default();
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
+        self.movable_version = self.mass_version;
         self.added_version = self.mass_version;
     }
 
@@ -282,11 +331,13 @@ impl Particles {
             self.velocity.set(new, old.velocity.get(slot));
             self.applied_force.set(new, old.applied_force.get(slot));
             self.inverse_mass[new] = old.inverse_mass[slot];
+            self.own_inverse_mass[new] = old.own_inverse_mass[slot];
             self.radius[new] = old.radius[slot];
             self.family[new] = old.family[slot];
         }
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
+        self.movable_version = self.mass_version;
     }
 
     /// Changes with the mass of a particle, or when one is pinned or freed.
@@ -294,9 +345,14 @@ impl Particles {
         self.mass_version
     }
 
-    /// Changes when the set of free particles does.
+    /// Changes when the set of free particles does: of those that forces move.
     pub(super) fn free_version(&self) -> Version {
         self.free_version
+    }
+
+    /// Changes when the set of movable particles does, asleep or awake.
+    pub(super) fn movable_version(&self) -> Version {
+        self.movable_version
     }
 
     /// Changes when a particle is added or removed.

@@ -109,6 +109,7 @@ impl Configuration<'_, '_> {
             gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
             collide_with_planes: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
+            sleep: None,
         }
     }
 

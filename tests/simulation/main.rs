@@ -41,6 +41,7 @@ mod resting;
 mod rollback;
 mod schemes;
 mod second_order;
+mod sleep;
 mod snapshots;
 mod stage;
 mod stiff_contacts;

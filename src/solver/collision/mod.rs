@@ -8,7 +8,7 @@
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the
 //! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
 //! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
-//! `pairs.rs` and `plane.rs` the two kinds of contact.
+//! `pairs.rs` and `plane.rs` the two kinds of contact; `rest.rs` what stays where it is.
 
 mod bodies;
 mod broad_phase;
@@ -24,6 +24,7 @@ mod pairs;
 mod plane;
 mod regions;
 mod response;
+mod rest;
 mod stiff_pairs;
 mod sweep;
 
@@ -47,10 +48,6 @@ use sweep::Sweep;
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
 
-/// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a
-/// substep: a settled pile is then checked once a substep and needs no iteration.
-const SETTLED_ERROR: f32 = 0.02;
-
 /// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
 
@@ -58,9 +55,6 @@ const POSITION_ITERATIONS: usize = 2;
 /// in one, all overlaps of a particle together displace it by about this part of the sum of two radii in a second
 /// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
 const RECOVERY_RATE: f32 = 10.0;
-
-/// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
-const JAMMING_CONTACTS: u32 = 3;
 
 /// A contact in one substep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -206,8 +200,9 @@ impl ContactCaches {
         let Substep { settings, integrator, duration, .. } = substep;
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
-        self.solve_velocities(rules, gravity * duration, integrator.displacement_share() * duration);
-        self.hold_jammed(gravity * duration);
+        let tolerance = rest::tolerated_error(settings) * gravity * duration;
+        self.solve_velocities(rules, tolerance, integrator.displacement_share() * duration);
+        self.hold_still(gravity * duration, settings.sleep.is_some());
         self.solve_positions(rules, duration);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
         if let Some(records) = records {
@@ -299,7 +294,9 @@ impl ContactCaches {
             let up = Vec3A::from(substep.up());
             for contact in &self.plane_contacts {
                 let body = &mut self.bodies[contact.body];
-                body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                let carries = self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                body.supported |= carries;
+                body.carried |= carries;
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
@@ -307,10 +304,9 @@ impl ContactCaches {
         }
     }
 
-    fn solve_velocities(&mut self, rules: PairRules, resting_speed: f32, reach: f32) {
+    fn solve_velocities(&mut self, rules: PairRules, tolerance: f32, reach: f32) {
         let pairs = self.pair_count() > 0;
         if pairs {
-            let tolerance = SETTLED_ERROR * resting_speed;
             let Self { pair_contacts, candidates, bodies, .. } = self;
             pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
             for _ in 0..VELOCITY_ITERATIONS {
@@ -326,7 +322,7 @@ impl ContactCaches {
         self.solve_plane_velocities();
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
-            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, reach);
+            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (rules, reach));
         }
     }
 
@@ -334,23 +330,6 @@ impl ContactCaches {
         for contact in &mut self.plane_contacts {
             plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
         }
-    }
-
-    /// Leaves a particle where it was that others hold from at least three sides, on the ground, and that
-    /// is slower than what gravity gives in a substep: it is jammed. Without it the corrections of its
-    /// overlaps would keep a pile moving at that speed for ever.
-    fn hold_jammed(&mut self, resting_speed: f32) {
-        if self.pair_count() == 0 {
-            return;
-        }
-        bodies::for_each(&mut self.bodies, &self.candidates.regions, |body| {
-            let is_explicit = body.inverse_mass > 0.0 && !body.implicit;
-            let held = body.holds >= JAMMING_CONTACTS && body.supported && is_explicit;
-            if held && body.velocity.length_squared() < resting_speed * resting_speed {
-                body.velocity = Vec3A::ZERO;
-                body.position = body.previous;
-            }
-        });
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {

@@ -19,6 +19,7 @@ pub struct Pose {
 
 /// The half-space below the local +Y of a pose that moves from `start` to `target` during the tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Plane {
     /// Pose at the start of the tick.
     pub start: Pose,
@@ -46,6 +47,20 @@ impl Plane {
     pub fn resting(point: Vec3, normal: Vec3, restitution: f32, friction: f32) -> Self {
         let pose = Pose { point, rotation: Quat::from_rotation_arc(Vec3::Y, normal) };
         Self { start: pose, target: pose, restitution, friction }
+    }
+
+    /// The same, at rest where it arrives.
+    pub(in crate::solver) fn at_rest(&self) -> Self {
+        Self { start: self.target, ..*self }
+    }
+
+    /// How deep a sphere overlaps the half-space at the start or at the end of the tick, m, whichever is more; negative
+    /// where it does not touch.
+    pub(in crate::solver) fn depth_on_way(&self, position: Vec3A, radius: f32) -> f32 {
+        let depth = |pose: Pose| {
+            radius - (position - Vec3A::from(pose.point)).dot(Vec3A::from(pose.rotation * Vec3::Y))
+        };
+        if self.start == self.target { depth(self.target) } else { depth(self.start).max(depth(self.target)) }
     }
 
     /// The plane after the fraction `elapsed` of a tick of `time_step` seconds.
@@ -152,6 +167,14 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
     let friction = friction(tangential(relative, surface.normal), surface.friction * change);
     body.velocity += surface.normal * change + friction;
     contact.impulse += change / body.inverse_mass;
+}
+
+/// Takes note whether the particle slips, at more than `tolerance` m/s, or is moved along.
+pub(super) fn note_slip(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], tolerance: f32) {
+    let body = &mut bodies[contact.body];
+    let slip = tangential(body.velocity - contact.surface_velocity, surface.normal);
+    let slips = surface.friction == 0.0 || slip.length_squared() > tolerance * tolerance;
+    body.slips |= (contact.impulse > 0.0 && slips) || contact.surface_velocity != Vec3A::ZERO;
 }
 
 /// Puts the particle back onto the surface; static friction, back to where it stuck.

@@ -1,0 +1,77 @@
+//! Sleep: what rests costs nothing until something happens to it.
+//!
+//! Movable particles that elements join are a *part* ([`Parts`]); parts that touch are a *group*, which falls asleep and
+//! wakes as a whole. While it sleeps its particles answer to forces as pinned ones do ([`Particles::put_to_sleep`]), so
+//! that no scheme, contact or limit moves them, to the bit; where nothing is awake a tick ends before it begins.
+//!
+//! A group falls asleep when each particle of it, for the whole delay T,
+//! - stayed within d = [`DRIFT`] · speed · T of where it was when the delay began, at the end of each tick;
+//! - was never faster than [`HASTE`] · speed, so that what vibrates within d is no rest;
+//! - was pushed by the user with the same force;
+//! - and is not held back by dampers or drag: at its mean velocity over the delay they accelerate it by less than
+//!   2 speed / T. What creeps against them does not rest.
+//!
+//! A constant acceleration a moves a particle out of ± d in the time T unless a <= 16 d / T². So the forces on what falls asleep
+//! are out of balance by at most (16 · 0.2 + 2) speed / T: 10.4 mm/s² with the default, a thousandth of gravity. A load m
+//! on a spring of stiffness k falls asleep within m · 5.2 speed / (T k) of its equilibrium.
+//!
+//! `memory.rs` is what is remembered, `wake.rs` the start of a tick, `rest.rs` its end, `near.rs` the search.
+
+mod memory;
+mod near;
+mod rest;
+mod wake;
+
+use bevy::math::DVec3;
+
+use crate::solver::collision::ContactMemory;
+use crate::solver::elements::{Elements, Exposed};
+use crate::solver::graph::{Forest, Parts};
+use crate::solver::particles::Particles;
+use crate::solver::pulls::Pulls;
+use crate::solver::settings::StepSettings;
+pub(in crate::solver) use memory::SleepMemory;
+use near::SleepingSpheres;
+
+/// How far a resting particle may get in the delay, as a part of the way at the threshold speed.
+const DRIFT: f32 = 0.2;
+
+/// How fast it may be at any moment, as a multiple of that speed: the velocity that is left in contacts of a pile is of the
+/// order of what gravity gives in a substep, though its places are the same to the bit.
+const HASTE: f32 = 10.0;
+
+/// Falling asleep is considered this many times in a delay.
+const CHECKS_PER_DELAY: f32 = 8.0;
+
+/// What sleep has to do with of the state.
+pub(super) struct Sleepers<'a> {
+    pub memory: &'a mut SleepMemory,
+    pub particles: &'a mut Particles,
+    pub elements: &'a Elements,
+    pub exposed: &'a Exposed,
+    pub contacts: &'a mut ContactMemory,
+    pub pulls: &'a mut Pulls,
+}
+
+/// What is derived from the state for sleep, and working memory.
+#[derive(Debug, Clone, Default)]
+pub(super) struct SleepCaches {
+    parts: Parts,
+    spheres: SleepingSpheres,
+    /// The names of groups to be woken, with how far around them is to be searched, m.
+    waking: Vec<(u32, f32)>,
+    /// Of each slot, whether the group of its name is to wake.
+    is_waking: Vec<bool>,
+    /// Of each part whether it stays awake.
+    stays: Vec<bool>,
+    forest: Forest,
+    /// Accelerations by drag and dampers, m/s².
+    braking: Vec<DVec3>,
+}
+
+/// The gap below which two things count as touching, m: resting contacts open up to the way of free fall in a substep.
+fn touching_gap(settings: &StepSettings) -> f32 {
+    let StepSettings { gravity, time_step, sleep, .. } = settings;
+    let speed = sleep.map_or(0.0, |sleep| sleep.speed);
+    (gravity.length() * time_step + speed) * time_step
+}

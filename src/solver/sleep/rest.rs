@@ -1,0 +1,270 @@
+//! The end of a tick: what has rested for long enough falls asleep.
+
+use bevy::math::{DVec3, Vec3};
+
+use crate::solver::collision::{ContactCaches, Plane};
+use crate::solver::particles::{Particles, PinnedMotion};
+use crate::solver::settings::{Field, Sleep, StepSettings};
+use crate::solver::state::Version;
+
+use super::memory::SleepMemory;
+use super::wake::is_near;
+use super::{CHECKS_PER_DELAY, DRIFT, HASTE, SleepCaches, Sleepers, touching_gap};
+
+/// Particles whose speeds are compared at a time.
+const CHUNK: usize = 64;
+
+impl SleepCaches {
+    /// Takes note for how long each part has rested, and puts to sleep what has for long enough.
+    pub fn end_tick(
+        &mut self,
+        mut sleepers: Sleepers,
+        (motions, planes): (&[PinnedMotion], &[Plane]),
+        contacts: &ContactCaches,
+        (settings, field): (&StepSettings, Field),
+    ) {
+        let Some(sleep) = settings.sleep else { return };
+        let Sleepers { memory, particles, elements, .. } = &mut sleepers;
+        self.parts.refresh(elements, particles);
+        memory.resize(particles.len());
+        let clock = Clock { sleep, time_step: settings.time_step };
+        let mut any_ready = false;
+        for range in self.parts.loose() {
+            for start in range.clone().step_by(CHUNK) {
+                any_ready |= clock.advance_loose(memory, particles, start..range.end.min(start + CHUNK));
+            }
+        }
+        for part in self.parts.joined() {
+            let members = self.parts.members(*part as usize);
+            any_ready |= clock.advance_part(memory, particles, members);
+        }
+        for motion in motions.iter().filter(|motion| motion.start != motion.target) {
+            self.parts.held_by(motion.slot).for_each(|part| memory.rested[self.parts.first(part)] = 0.0);
+        }
+        memory.since_check += settings.time_step;
+        if any_ready && memory.since_check * CHECKS_PER_DELAY >= sleep.delay {
+            self.consider(&mut sleepers, (motions, planes), contacts, (settings, field), sleep);
+        }
+    }
+
+    /// Puts to sleep the groups of which all parts are ready and no force is out of balance.
+    fn consider(
+        &mut self,
+        sleepers: &mut Sleepers,
+        (motions, planes): (&[PinnedMotion], &[Plane]),
+        contacts: &ContactCaches,
+        (settings, field): (&StepSettings, Field),
+        sleep: Sleep,
+    ) {
+        let Some(pairs) = contacts.near_pairs(sleepers.contacts, sleepers.particles, settings) else {
+            return;
+        };
+        sleepers.memory.since_check = 0.0;
+        let Self { parts, forest, stays, .. } = self;
+        forest.reset(parts.len());
+        let Sleepers { memory, particles, .. } = &*sleepers;
+        stays.clear();
+        stays.extend((0..parts.len()).map(|part| {
+            let first = parts.first(part);
+            memory.group[first] != 0 || memory.rested[first] < sleep.delay
+        }));
+        let gap = touching_gap(settings);
+        let moves = |slot: usize| {
+            let of = |motion: &&PinnedMotion| motion.slot == slot;
+            motions.iter().find(of).is_some_and(|motion| motion.start != motion.target)
+        };
+        for (one, other) in pairs.iter().map(|(one, other)| (*one as usize, *other as usize)) {
+            let reach = particles.radius()[one] + particles.radius()[other] + gap;
+            if particles.position.get(one).distance_squared(particles.position.get(other)) > reach * reach {
+                continue;
+            }
+            match (parts.of(one), parts.of(other)) {
+                (Some(one), Some(other)) => _ = forest.join(one, other),
+                (Some(part), None) => stays[part] |= !stays[part] && moves(other),
+                (None, Some(part)) => stays[part] |= !stays[part] && moves(one),
+                (None, None) => {}
+            }
+        }
+        if settings.collide_with_planes {
+            for plane in planes.iter().filter(|plane| plane.start != plane.target) {
+                let near = |slot: &usize| is_near(plane, particles, *slot, settings);
+                (0..particles.len())
+                    .filter(near)
+                    .filter_map(|slot| parts.of(slot))
+                    .for_each(|part| stays[part] = true);
+            }
+        }
+        if settings.gusts.is_some() && settings.air_density > 0.0 {
+            sleepers.exposed.for_each_end(|slot| {
+                if let Some(part) = parts.of(slot) {
+                    stays[part] = true;
+                }
+            });
+        }
+        self.spread();
+        if self.stays.iter().all(|stays| *stays) {
+            return;
+        }
+        self.check_balance(sleepers, field, sleep);
+        self.spread();
+        self.put_to_sleep(sleepers);
+    }
+
+    /// Parts stay awake beside one that does.
+    fn spread(&mut self) {
+        let Self { stays, forest, .. } = self;
+        for part in 0..stays.len() {
+            if stays[part] {
+                stays[forest.root(part)] = true;
+            }
+        }
+        for part in 0..stays.len() {
+            stays[part] = stays[forest.root(part)];
+        }
+    }
+
+    /// Keeps the parts awake that creep against drag or dampers, or that are pushed otherwise than when they began to rest.
+    fn check_balance(
+        &mut self,
+        Sleepers { memory, particles, elements, .. }: &mut Sleepers,
+        field: Field,
+        sleep: Sleep,
+    ) {
+        let Self { parts, stays, braking, .. } = self;
+        let is_considered = |slot: usize| parts.of(slot).is_some_and(|part| !stays[part]);
+        let rested =
+            |slot: usize| parts.of(slot).map_or(0.0, |part| f64::from(memory.rested[parts.first(part)]));
+        let velocity = |slot: usize| match rested(slot) {
+            0.0 => DVec3::ZERO,
+            time => (particles.position.get(slot) - memory.place.get(slot)).as_dvec3() / time,
+        };
+        braking.clear();
+        braking.extend((0..particles.len()).map(|slot| match is_considered(slot) {
+            true => velocity(slot) * field.decay_rate(slot, f64::from(particles.own_inverse_mass()[slot])),
+            false => DVec3::ZERO,
+        }));
+        elements.for_each_damping(&particles.position, is_considered, velocity, |slot, force| {
+            braking[slot] += force * f64::from(particles.own_inverse_mass()[slot]);
+        });
+        let limit = 2.0 * f64::from(sleep.speed) / f64::from(sleep.delay.max(f32::MIN_POSITIVE));
+        for slot in 0..particles.len() {
+            let Some(part) = parts.of(slot).filter(|part| !stays[*part]) else { continue };
+            let is_balanced = braking[slot].length_squared() <= limit * limit;
+            if !is_balanced || particles.applied_force.get(slot) != memory.force.get(slot) {
+                stays[part] = true;
+                memory.rested[parts.first(part)] = 0.0;
+            }
+        }
+    }
+
+    fn put_to_sleep(&mut self, sleepers: &mut Sleepers) {
+        let Self { parts, stays, forest, .. } = self;
+        let Sleepers { memory, particles, contacts, pulls, .. } = sleepers;
+        let before = memory.asleep;
+        // Of the parts of a group that whose first slot is the lowest comes first, and names it.
+        let mut names = vec![0; parts.len()];
+        for part in (0..parts.len()).filter(|part| !stays[*part]) {
+            let name = &mut names[forest.root(part)];
+            *name = if *name == 0 { parts.first(part) as u32 + 1 } else { *name };
+            for slot in parts.members(part).iter().map(|slot| *slot as usize) {
+                memory.group[slot] = *name;
+                memory.place.set(slot, particles.position.get(slot));
+                memory.force.set(slot, particles.applied_force.get(slot));
+                memory.rested[slot] = 0.0;
+                memory.asleep += 1;
+                pulls.forget(slot);
+            }
+        }
+        if memory.asleep > before {
+            particles.put_to_sleep((0..memory.group.len()).filter(|slot| memory.group[*slot] != 0));
+            contacts.put_to_sleep(|slot| particles.is_pinned(slot));
+            memory.version = Version::new();
+        }
+    }
+}
+
+/// What measures rest.
+struct Clock {
+    sleep: Sleep,
+    time_step: f32,
+}
+
+impl Clock {
+    /// The square of the speed above which nothing rests, m²/s².
+    fn speed_limit(&self) -> f32 {
+        (HASTE * self.sleep.speed) * (HASTE * self.sleep.speed)
+    }
+
+    /// Whether a particle is faster than what rests; one whose velocity is not finite is.
+    #[inline]
+    fn is_fast(&self, velocity: Vec3) -> bool {
+        !(velocity.length_squared() <= self.speed_limit())
+    }
+
+    /// Whether a particle is further from where it began to rest than it may.
+    #[inline]
+    fn has_drifted(&self, memory: &SleepMemory, particles: &Particles, slot: usize) -> bool {
+        let allowed = DRIFT * self.sleep.speed * self.sleep.delay;
+        !(particles.position.get(slot).distance_squared(memory.place.get(slot)) <= allowed * allowed)
+    }
+
+    fn begin(memory: &mut SleepMemory, particles: &Particles, slot: usize) {
+        memory.place.set(slot, particles.position.get(slot));
+        memory.force.set(slot, particles.applied_force.get(slot));
+    }
+
+    /// Particles that are parts of their own; whether any of them has rested for long enough.
+    fn advance_loose(
+        &self,
+        memory: &mut SleepMemory,
+        particles: &Particles,
+        slots: std::ops::Range<usize>,
+    ) -> bool {
+        let limit = self.speed_limit();
+        let [x, y, z] = particles.velocity.axes().map(|axis| &axis[slots.clone()]);
+        let squares = x.iter().zip(y).zip(z).map(|((x, y), z)| x * x + y * y + z * z);
+        // Without a branch a particle, as most move where any do.
+        if squares.fold(true, |all_fast, square| all_fast & !(square <= limit)) {
+            memory.rested[slots].fill(0.0);
+            return false;
+        }
+        let mut any_ready = false;
+        for slot in slots {
+            if memory.group[slot] != 0 {
+                continue;
+            }
+            let rested = memory.rested[slot];
+            if self.is_fast(particles.velocity.get(slot)) {
+                memory.rested[slot] = 0.0;
+            } else if rested == 0.0 || self.has_drifted(memory, particles, slot) {
+                Self::begin(memory, particles, slot);
+                memory.rested[slot] = self.time_step;
+            } else {
+                memory.rested[slot] = rested + self.time_step;
+                any_ready |= memory.rested[slot] >= self.sleep.delay;
+            }
+        }
+        any_ready
+    }
+
+    /// A part of several particles; whether it has rested for long enough.
+    fn advance_part(&self, memory: &mut SleepMemory, particles: &Particles, members: &[u32]) -> bool {
+        let first = members[0] as usize;
+        if memory.group[first] != 0 {
+            return false;
+        }
+        let slots = || members.iter().map(|slot| *slot as usize);
+        let rested = std::mem::replace(&mut memory.rested[first], 0.0);
+        // The last one first: the free end of what hangs or is thrown.
+        if slots().rev().any(|slot| self.is_fast(particles.velocity.get(slot))) {
+            return false;
+        }
+        if rested == 0.0 || slots().any(|slot| self.has_drifted(memory, particles, slot)) {
+            slots().for_each(|slot| Self::begin(memory, particles, slot));
+            memory.rested[first] = self.time_step;
+            return false;
+        }
+        memory.rested[first] = rested + self.time_step;
+        memory.rested[first] >= self.sleep.delay
+    }
+}
