@@ -25,8 +25,10 @@ pub struct TickReport {
     pub stiff_substeps: u32,
     /// The springs in those parts.
     pub stiff_springs: usize,
-    /// Particles in the simulation.
+    /// Particles in the simulation, asleep or awake.
     pub particles: usize,
+    /// Particles that sleep.
+    pub asleep: usize,
     /// Springs in the simulation.
     pub springs: usize,
     /// Touching pairs at the end of the tick: particles with planes and particles with particles.
