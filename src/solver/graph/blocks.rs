@@ -65,7 +65,8 @@ impl Blocks {
         if (self.version, self.particles, self.excluded) == (elements.version(), count, excluded) {
             return;
         }
-        let is_listed = elements.lists_edits_since(self.version);
+        // A state that was put back may have fewer particles.
+        let is_listed = elements.lists_edits_since(self.version) && count >= self.particles;
         let is_whole = excluded == Version::default() && self.excluded == excluded;
         if is_listed && is_whole && !self.blocks.is_empty() {
             self.update(elements.springs(), elements.sorted_particles(), count);
