@@ -146,5 +146,61 @@ fn bevy_normals(criterion: &mut Criterion) {
     });
 }
 
+/// 500 ropes of 50 links that all moved: the box around each and its vertices, by meshes of their own and as a crowd.
+/// `at rest` is what the same takes when none moved.
+#[cfg(feature = "crowd")]
+fn crowd(criterion: &mut Criterion) {
+    use bevy_mass_spring::render::MassSpringCrowdPlugin;
+
+    let mut group = criterion.benchmark_group("draw 500 ropes of 50 links");
+    for (name, is_crowd) in [("meshes", false), ("crowd", true)] {
+        let mut app = App::new();
+        let plugins = (MinimalPlugins, TransformPlugin, AssetPlugin::default(), MeshPlugin, CameraPlugin);
+        app.add_plugins(plugins).add_plugins(MassSpringRenderPlugin);
+        if is_crowd {
+            app.init_asset::<Shader>().add_plugins(MassSpringCrowdPlugin { headless: true });
+        }
+        app.world_mut().spawn((Camera3d::default(), Transform::from_xyz(0.0, 0.0, 5.0)));
+        app.finish();
+        app.cleanup();
+        let topology = Arc::new(rope(50));
+        let nets: Vec<Entity> = (0..500)
+            .map(|number| {
+                let place = Transform::from_xyz(-0.5, 0.01 * (number - 250) as f32, 0.0);
+                let net = ParticleNet::new(Arc::clone(&topology), &place);
+                let mut net = app.world_mut().spawn((net, RopeMesh::default()));
+                if is_crowd {
+                    net.insert(RopeCrowd);
+                }
+                net.id()
+            })
+            .collect();
+        for _ in 0..4 {
+            app.update();
+        }
+        for (what, moves) in [("moved", true), ("at rest", false)] {
+            group.bench_function(format!("{name}, {what}"), |bencher| {
+                bencher.iter_custom(|iterations| {
+                    let mut total = std::time::Duration::ZERO;
+                    for _ in 0..iterations {
+                        if moves {
+                            nets.iter().for_each(|net| touch(&mut app, *net));
+                        }
+                        let start = std::time::Instant::now();
+                        app.world_mut().run_schedule(PostUpdate);
+                        app.world_mut().run_schedule(Last);
+                        total += start.elapsed();
+                        app.world_mut().resource_mut::<Messages<AssetEvent<Mesh>>>().clear();
+                    }
+                    total
+                });
+            });
+        }
+    }
+}
+
+#[cfg(feature = "crowd")]
+criterion_group!(benches, draw, bevy_normals, crowd);
+#[cfg(not(feature = "crowd"))]
 criterion_group!(benches, draw, bevy_normals);
 criterion_main!(benches);

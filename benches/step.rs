@@ -14,7 +14,7 @@ use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Collider, Integrator, PairRules, Solver, StepSettings};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 const SUBSTEPS: u32 = 8;
@@ -293,7 +293,7 @@ fn box_of_balls(count: usize) -> Solver {
         (Vec3::ZERO, Vec3::Z),
         (Vec3::Z * 4.0, Vec3::NEG_Z),
     ] {
-        state.add_plane(Plane::resting(point, normal, 0.0, 0.0));
+        state.add_collider(Collider::half_space(point, normal, 0.0, 0.0));
     }
     state
 }

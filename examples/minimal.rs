@@ -13,7 +13,7 @@ fn main() {
             let second = commands.spawn((ball, Transform::from_xyz(1.4, 1.6, 0.0))).id();
             commands.spawn(Spring::new(anchor, first, 1.0).with_stiffness(200.0).with_damping(2.0));
             commands.spawn(Spring::new(first, second, 1.0).with_stiffness(200.0).with_damping(2.0));
-            commands.spawn(PlaneCollider::default()); // the ground, y = 0
+            commands.spawn(ParticleCollider::default()); // the ground, y = 0
             let eye = Transform::from_xyz(0.0, 2.5, 7.0).looking_at(Vec3::Y * 1.5, Vec3::Y);
             commands.spawn((Camera3d::default(), eye));
         })

@@ -63,7 +63,7 @@ fn spawn_rope(
 
 /// The ground, a slope, and balls of all layers that fall onto them.
 fn spawn_ground(mut commands: Commands) {
-    let ground = PlaneCollider { restitution: 0.2, friction: 0.5 };
+    let ground = ParticleCollider { restitution: 0.2, friction: 0.5, ..default() };
     let grey = Sprite::from_color(Color::srgb(0.25, 0.27, 0.32), Vec2::new(3000.0, 400.0));
     for transform in [
         Transform::from_xyz(0.0, -280.0, BACK - 1.0),
@@ -71,7 +71,7 @@ fn spawn_ground(mut commands: Commands) {
     ] {
         // The particles are above y = 0 of the plane, its sprite is below.
         let below = (grey.clone(), Transform::from_xyz(0.0, -200.0, 0.0));
-        commands.spawn((ground, transform, Visibility::default(), children![below]));
+        commands.spawn((ground.clone(), transform, Visibility::default(), children![below]));
     }
     for ball in 0..24_u8 {
         let number = f32::from(ball);

@@ -1,9 +1,10 @@
-//! Draws particles, springs and planes with Bevy's gizmos.
+//! Draws particles, springs, colliders and contacts with Bevy's gizmos.
 //!
 //! Owns the gizmo group [`MassSpringGizmos`] and reads components and published results only. It
 //! draws in `PostUpdate` from [`GlobalTransform`], hence where things are seen, after interpolation; nets where `render`
 //! draws them.
 
+mod colliders;
 mod nets;
 
 use bevy::app::Plugin;
@@ -12,7 +13,6 @@ use bevy::gizmos::GizmoPlugin;
 use bevy::prelude::*;
 use bevy::transform::TransformSystems;
 
-use crate::collider::PlaneCollider;
 use crate::particle::{Particle, Pinned};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
@@ -38,11 +38,24 @@ impl Plugin for MassSpringGizmosPlugin {
         if !app.is_plugin_added::<GizmoPlugin>() {
             return;
         }
-        app.init_gizmo_group::<MassSpringGizmos>().add_systems(
-            PostUpdate,
-            (draw_particles, draw_springs, nets::draw_particles, nets::draw_springs, draw_planes)
-                .after(TransformSystems::Propagate),
-        );
+        app.init_gizmo_group::<MassSpringGizmos>()
+            .add_systems(
+                PostUpdate,
+                (
+                    draw_particles,
+                    draw_springs,
+                    nets::draw_particles,
+                    nets::draw_springs,
+                    colliders::draw_colliders,
+                )
+                    .after(TransformSystems::Propagate),
+            )
+            .add_systems(
+                PostUpdate,
+                colliders::draw_contacts
+                    .run_if(resource_exists::<Messages<crate::collider::Contact>>)
+                    .after(TransformSystems::Propagate),
+            );
         #[cfg(feature = "drag")]
         app.add_systems(PostUpdate, draw_grip.after(TransformSystems::Propagate));
     }
@@ -68,8 +81,11 @@ pub struct MassSpringGizmos {
     pub particles: bool,
     /// Whether springs are drawn as lines coloured by their stretch. Default true.
     pub springs: bool,
-    /// Whether a patch of grid and the normal of each plane are drawn. Default true.
+    /// Whether the outline of each collider is drawn, of half-spaces a patch of grid and the normal. Default true.
     pub planes: bool,
+    /// Whether points, normals and impulses of the contacts of the last tick are drawn, in apps with
+    /// `add_message::<Contact>()`. Default false.
+    pub contacts: bool,
     /// Whether a ring marks the particle under the pointer or in its grip (feature `drag`). Default true.
     pub grip: bool,
     /// Colour of free particles.
@@ -84,8 +100,12 @@ pub struct MassSpringGizmos {
     pub compression_color: Color,
     /// The |l − l0| / l0 at which a spring has its full colour, > 0. Default 0.1.
     pub full_stretch: f32,
-    /// Colour of planes.
+    /// Colour of colliders.
     pub plane_color: Color,
+    /// Colour of contacts.
+    pub contact_color: Color,
+    /// The length of the arrow of a contact, m for each N·s of its impulse in the tick, >= 0. Default 1.
+    pub contact_scale: f32,
     /// Side of the square of a plane that is drawn, in m, > 0. Default 10.
     pub plane_size: f32,
     /// Colour of the ring around the particle under the pointer.
@@ -100,6 +120,7 @@ impl Default for MassSpringGizmos {
             particles: true,
             springs: true,
             planes: true,
+            contacts: false,
             grip: true,
             particle_color: Color::srgb(0.35, 0.75, 1.0),
             pinned_color: Color::srgb(1.0, 0.55, 0.2),
@@ -108,6 +129,8 @@ impl Default for MassSpringGizmos {
             compression_color: Color::srgb(0.25, 0.4, 1.0),
             full_stretch: 0.1,
             plane_color: Color::srgb(0.45, 0.5, 0.55),
+            contact_color: Color::srgb(1.0, 0.3, 0.8),
+            contact_scale: 1.0,
             plane_size: 10.0,
             hovered_color: Color::srgb(1.0, 1.0, 1.0),
             dragged_color: Color::srgb(1.0, 0.85, 0.2),
@@ -168,23 +191,6 @@ fn draw_springs(
 /// The length of a spring, m; in two dimensions that in the plane of motion.
 fn length([first, second]: [Vec3; 2], is_flat: bool) -> f32 {
     if is_flat { first.truncate().distance(second.truncate()) } else { first.distance(second) }
-}
-
-fn draw_planes(mut gizmos: Gizmos<MassSpringGizmos>, planes: Query<&GlobalTransform, With<PlaneCollider>>) {
-    if !gizmos.config_ext.planes {
-        return;
-    }
-    let MassSpringGizmos { plane_color, plane_size, .. } = *gizmos.config_ext;
-    const CELLS: u32 = 10;
-    // Gizmo grids lie in the local xy plane; planes lie in the local xz plane.
-    let lying = Quat::from_rotation_arc(Vec3::Z, Vec3::Y);
-    for transform in &planes {
-        let (rotation, center) = (transform.rotation(), transform.translation());
-        let isometry = Isometry3d::new(center, rotation * lying);
-        let spacing = Vec2::splat(plane_size / CELLS as f32);
-        gizmos.grid(isometry, UVec2::splat(CELLS), spacing, plane_color).outer_edges();
-        gizmos.arrow(center, center + rotation * Vec3::Y * (0.1 * plane_size), plane_color);
-    }
 }
 
 /// Draws a ring, facing the camera, around the particle under the pointer or in its grip.

@@ -14,7 +14,7 @@
 //!     let anchor = commands.spawn((Particle::new(1.0, 0.1), Pinned, Transform::from_xyz(0.0, 3.0, 0.0))).id();
 //!     let bob = commands.spawn((Particle::new(1.0, 0.1), Transform::from_xyz(0.0, 2.0, 0.0))).id();
 //!     commands.spawn(Spring::new(anchor, bob, 1.0).with_stiffness(200.0).with_damping(2.0));
-//!     commands.spawn(PlaneCollider::default()); // the ground, y = 0
+//!     commands.spawn(ParticleCollider::default()); // the ground, y = 0
 //! });
 //! # app.update();
 //! ```
@@ -51,6 +51,7 @@ pub mod parameter;
 pub mod particle;
 mod plugin;
 mod plugin_group;
+pub mod queries;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod report;
@@ -76,7 +77,10 @@ pub mod prelude {
     #[cfg(feature = "interpolation")]
     pub use crate::MassSpringInterpolationPlugin;
     pub use crate::bend::Bend;
-    pub use crate::collider::{CollisionSettings, Contact, PlaneCollider};
+    pub use crate::collider::{
+        ColliderMotion, ColliderPart, ColliderShape, CollisionSettings, CombineRule, Contact, ContactEnded,
+        ContactEvents, ContactLayers, ContactMaterial, ContactStarted, ParticleCollider,
+    };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
     pub use crate::drag::ParticleDragPlugin;
@@ -95,8 +99,11 @@ pub mod prelude {
     pub use crate::particle::{
         AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
     };
+    pub use crate::queries::{ParticleHit, ParticleQueries};
     #[cfg(feature = "render")]
-    pub use crate::render::{MassSpringRenderPlugin, NetMesh, NetSkin, RopeLinks, RopeMesh, RopeRibbon};
+    pub use crate::render::{
+        MassSpringRenderPlugin, NetMesh, NetSkin, RopeCrowd, RopeLinks, RopeMesh, RopeRibbon,
+    };
     pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};

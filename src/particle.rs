@@ -96,7 +96,7 @@ pub struct Quarantined;
 /// adds forces.
 ///
 /// Results depend on that order in their last bits. By default it is the order in which entities got their
-/// [`Particle`], `Spring` or `PlaneCollider`; where that differs between two apps which must agree to the bit, give each entity a
+/// [`Particle`], `Spring` or `ParticleCollider`; where that differs between two apps which must agree to the bit, give each entity a
 /// number. Those with smaller ones come first, those without one last. A new number has all of them sorted again.
 #[derive(Component, Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]

@@ -5,7 +5,10 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::{CollisionSettings, PlaneCollider};
+use crate::collider::{
+    ColliderMotion, ColliderShape, CollisionSettings, ContactEvents, ContactLayers, ContactMaterial,
+    ParticleCollider,
+};
 use crate::environment::Environment;
 use crate::nets::{
     self, Attachment, Balloon, Breaking, Cloth, Jelly, Part, PartOf, PartState, ParticleNet, Parts, Rope,
@@ -74,6 +77,8 @@ impl MassSpringPlugin {
         add_once(app, crate::scene::MassSpringScenePlugin);
         #[cfg(feature = "render")]
         add_once(app, crate::render::MassSpringRenderPlugin);
+        #[cfg(feature = "crowd")]
+        add_once(app, crate::render::MassSpringCrowdPlugin::default());
         #[cfg(feature = "interpolation")]
         if self.interpolation != Some(false) {
             let headless = self.interpolation == Some(true);
@@ -93,6 +98,7 @@ impl Plugin for MassSpringPlugin {
             .init_resource::<OrphanedSprings>()
             .init_resource::<TickReport>()
             .add_message::<ParticleFault>()
+            .add_message::<Broke>()
             .configure_sets(
                 self.schedule,
                 (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter).chain(),
@@ -119,10 +125,11 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 }
 
 fn register_types(app: &mut App) {
-    app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, PlaneCollider)>()
+    app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, ParticleCollider)>()
+        .register_type::<(ColliderMotion, ColliderShape, ContactEvents, ContactLayers, ContactMaterial)>()
         .register_type::<(Environment, SolverSettings, SleepSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
         .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
-        .register_type::<(crate::collider::Contact, ParticleFault, crate::diagnostics::Measurements)>();
+        .register_type::<(crate::collider::Contact, crate::collider::ContactStarted, crate::collider::ContactEnded, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -19,6 +19,7 @@ use crate::time_control::SingleStepPlugin;
 /// | `MassSpringScenePlugin` | `scene` | loads and spawns scene files, in apps with assets |
 /// | `MassSpringInterpolationPlugin` | `interpolation` | smooth motion between ticks, in apps with input |
 /// | `MassSpringRenderPlugin` | `render` | draws nets, in apps with meshes |
+/// | `MassSpringCrowdPlugin` | `crowd` | draws crowds of ropes, in apps with `PbrPlugin` |
 /// | `MassSpringGltfPlugin` | `gltf` | makes nets of the nodes of glTF files |
 /// | `MassSpringGizmosPlugin` | `gizmos` | draws particles, springs and planes, in apps with gizmos |
 /// | `ParticleDragPlugin` | `drag` | drags particles by the pointer, in apps with picking |
@@ -82,6 +83,8 @@ impl PluginGroup for MassSpringPlugins {
             group.add(MassSpringPlugin::new(self.schedule).physics_only()).add(MassSpringDiagnosticsPlugin);
         #[cfg(feature = "render")]
         let group = group.add(crate::render::MassSpringRenderPlugin);
+        #[cfg(feature = "crowd")]
+        let group = group.add(crate::render::MassSpringCrowdPlugin::default());
         #[cfg(feature = "gltf")]
         let group = group.add(crate::gltf::MassSpringGltfPlugin);
         #[cfg(feature = "gizmos")]

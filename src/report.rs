@@ -80,8 +80,9 @@ pub struct ParticleFault {
 /// A spring broke: its tension exceeded its breaking force.
 ///
 /// It is triggered on the entity of the spring, which has the component [`Broken`](crate::spring::Broken) by then and
-/// exerts no force any more; or on the net, once for each spring of it.
-#[derive(EntityEvent, Reflect, Debug, Clone, Copy, PartialEq)]
+/// exerts no force any more; or on the net, once for each spring of it. The same is written as a message, for systems that
+/// read all of a tick.
+#[derive(EntityEvent, Message, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

@@ -88,7 +88,7 @@ pub enum Dimensions {
     /// x and y. The z of a `Transform` is its layer: the simulation neither reads nor writes it.
     ///
     /// Distances are measured in the plane, on whatever layers particles are; z of velocities, of gravity and of
-    /// applied forces counts as 0. A `PlaneCollider` is where it cuts the plane of motion.
+    /// applied forces counts as 0. A `ParticleCollider` is where it cuts the plane of motion.
     ///
     /// All units stay as they are. Where coordinates are pixels, a metre is a pixel: gravity is in px/s², velocities
     /// in px/s, and forces in kg·px/s²; stiffness in N/m (kg/s²) has no length in it and stays the same number.

@@ -7,7 +7,7 @@ use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::prelude::*;
 use bevy_mass_spring::nets::{Part, PartOf, Side, Topology};
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Collider, Integrator, PairRules, Solver, StepSettings};
 
 use common::{app, join, run, scheme, spawn, spawn_pinned};
 
@@ -43,7 +43,7 @@ fn state() -> Solver {
             Vec3::new((ball % 3) as f32 * 0.21, 0.2 + (ball / 9) as f32 * 0.25, (ball / 3 % 3) as f32 * 0.21);
         state.add_particle(place, Vec3::ZERO, 1.0, 0.1).unwrap();
     }
-    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.4));
+    state.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.4));
     state
 }
 
@@ -84,7 +84,7 @@ fn a_tick_allocates_no_more_than_an_empty_app() {
                 join(&mut app, Spring::new(last, next, 0.1).with_stiffness(500.0).with_damping(1.0));
                 last = next;
             }
-            app.world_mut().spawn(PlaneCollider::default());
+            app.world_mut().spawn(ParticleCollider::default());
             for ball in 0..10 {
                 spawn(&mut app, 1.0, 0.1, Vec3::new(20.0 + ball as f32, 0.1, 0.0));
             }
@@ -156,5 +156,21 @@ fn a_tick_of_nets_allocates_no_more_than_an_empty_app() {
         assert_eq!(surplus(|app| moving_net(app, settings, rope(), Part::Start)), 0, "rope, {settings:?}");
         let held = Part::Particle(0);
         assert_eq!(surplus(|app| moving_net(app, settings, balloon(), held.clone())), 0, "{settings:?}");
+    }
+}
+
+/// Parameters and pins change in each tick, in place, also where links go in. (The implicit schemes find out anew what hangs
+/// together when parameters change.)
+#[test]
+fn a_tick_of_a_winch_allocates_no_more_than_an_empty_app() {
+    let rope = || Rope::new(1.0).with_segments(20).topology().expect("sound");
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet] {
+        let settings = scheme(integrator, 8);
+        let surplus = surplus(|app| {
+            let held = moving_net(app, settings, rope(), Part::Start);
+            app.world_mut().entity_mut(held).insert(Winch { speed: -0.2, ..default() });
+            held
+        });
+        assert_eq!(surplus, 0, "{settings:?}");
     }
 }

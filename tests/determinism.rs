@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use bevy::tasks::ComputeTaskPool;
 use bevy_mass_spring::nets::{Balloon, Cloth, Rope, Topology};
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{PairRules, Plane, Solver, StepSettings};
+use bevy_mass_spring::solver::{Collider, PairRules, Solver, StepSettings};
 use common::*;
 
 #[derive(Component)]
@@ -24,7 +24,7 @@ struct SparseMarker;
 /// `mark` may add components to an entity that do not belong to the simulation.
 fn scene(app: &mut App, balls: u8, mut mark: impl FnMut(EntityWorldMut)) -> Vec<Entity> {
     let mut all = Vec::new();
-    app.world_mut().spawn(PlaneCollider { restitution: 0.3, friction: 0.4 });
+    app.world_mut().spawn(ParticleCollider { restitution: 0.3, friction: 0.4, ..default() });
     for row in 0..8_u8 {
         for column in 0..8_u8 {
             let place = Vec3::new(f32::from(column) * 0.1, 2.0, f32::from(row) * 0.1);
@@ -200,7 +200,7 @@ fn app_on_threads() -> Option<App> {
 /// A rope that resists bending, a cloth and a balloon in gusty wind, above a floor; and, if wanted, a soft cloth, so large
 /// that its springs and the air on it are shared among all threads.
 fn nets_in_wind(app: &mut App, with_large: bool) -> Vec<Entity> {
-    app.world_mut().spawn(PlaneCollider::default());
+    app.world_mut().spawn(ParticleCollider::default());
     let mut environment = app.world_mut().resource_mut::<Environment>();
     (environment.wind, environment.air_density) = (Vec3::new(4.0, 0.0, 2.0), 1.2);
     environment.gusts = Some(Gusts::default());
@@ -291,7 +291,7 @@ fn dense_pile() -> u64 {
         let corner = Vec3::new(f32::from(column), f32::from(layer), f32::from(row)) * 0.19;
         state.add_particle(corner + jitter, Vec3::ZERO, 1.0, 0.1).unwrap();
     }
-    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.2, 0.3));
+    state.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.2, 0.3));
     let settings = StepSettings {
         integrator: Integrator::SemiImplicitEuler,
         substeps: SubstepMode::Fixed(4),

@@ -4,7 +4,7 @@ use std::error::Error;
 
 use bevy::math::Vec3;
 use bevy_mass_spring::settings::{Integrator, SubstepMode};
-use bevy_mass_spring::solver::{Plane, Solver, Spring, StepSettings};
+use bevy_mass_spring::solver::{Collider, Solver, Spring, StepSettings};
 
 use crate::Lab;
 use crate::document::{Section, Table, number};
@@ -87,6 +87,6 @@ fn lattice([nx, ny, nz]: [usize; 3], stiffness: f32) -> Solver {
             }
         }
     }
-    solver.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.0));
+    solver.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.0));
     solver
 }

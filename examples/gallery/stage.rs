@@ -88,7 +88,7 @@ impl Stage<'_, '_> {
 
     /// A floor that particles rest on, y = 0.
     pub fn floor(&mut self) {
-        self.spawn(PlaneCollider { restitution: 0.1, friction: 0.6 });
+        self.spawn(ParticleCollider { restitution: 0.1, friction: 0.6, ..default() });
     }
 }
 

@@ -9,6 +9,7 @@ mod grip;
 mod handle;
 mod picking;
 mod pull;
+mod seen;
 
 use bevy::app::Plugin;
 use bevy::input::InputSystems;

@@ -10,7 +10,8 @@ use bevy::prelude::*;
 
 use super::ParticleDragSettings;
 use super::handle::Handle;
-use crate::nets::{NetHit, ParticleNet};
+use super::seen::{SeenNet, SeenNets};
+use crate::nets::NetHit;
 use crate::particle::{Particle, Quarantined};
 
 /// Which particles of nets pointers are over, found anew in each frame. Hits name the entity of the net only.
@@ -31,14 +32,15 @@ pub(super) fn pick_particles(
     rays: Res<RayMap>,
     cameras: Query<(&Camera, &GlobalTransform, Option<&RenderLayers>)>,
     particles: Query<(Entity, &Particle, &GlobalTransform, Option<&RenderLayers>), Without<Quarantined>>,
-    nets: Query<(Entity, &ParticleNet, Option<&RenderLayers>)>,
+    nets: SeenNets,
     mut picks: ResMut<NetPicks>,
     mut hits: MessageWriter<PointerHits>,
 ) {
     picks.0.clear();
-    if !settings.enabled {
+    if !settings.enabled || rays.iter().next().is_none() {
         return;
     }
+    let nets = nets.seen();
     for (&id, &ray) in rays.iter() {
         let Ok((camera, camera_transform, camera_layers)) = cameras.get(id.camera) else { continue };
         let scale = PixelScale::new(camera, camera_transform);
@@ -50,8 +52,8 @@ pub(super) fn pick_particles(
         let loose = nearest_hit(ray, spheres, &scale, settings.pick_radius);
         let of_nets = nets
             .iter()
-            .filter(|(.., layers)| sees(camera_layers, *layers))
-            .filter_map(|(entity, net, _)| hit_net(ray, (entity, net), &scale, settings.pick_radius));
+            .filter(|net| sees(camera_layers, net.layers))
+            .filter_map(|net| hit_net(ray, net, &scale, settings.pick_radius));
         let Some((Handle { entity, index }, hit)) = of_nets.chain(loose).reduce(nearer) else { continue };
         let point = ray.get_point(hit.depth);
         let data = match index {
@@ -132,21 +134,22 @@ fn nearer(best: (Handle, Hit), next: (Handle, Hit)) -> (Handle, Hit) {
 /// Where a ray meets the particles or the surface of a net: the particle that is nearest to there.
 fn hit_net(
     ray: Ray3d,
-    (entity, net): (Entity, &ParticleNet),
+    &SeenNet { entity, net, ref places, .. }: &SeenNet,
     scale: &PixelScale,
     pick_radius: f32,
 ) -> Option<(Handle, Hit)> {
     let is_present = |index: &u32| net.quarantined().binary_search(index).is_err();
-    let spheres = (0..).zip(net.positions()).filter(|(index, _)| is_present(index));
+    let spheres = (0..).zip(&**places).filter(|(index, _)| is_present(index));
     let spheres = spheres.map(|(index, center)| (Handle::of_net(entity, index), *center, net.radius()));
     let sphere = nearest_hit(ray, spheres, scale, pick_radius);
     let surface = || {
-        let bounds = Aabb3d::from_point_cloud(Isometry3d::IDENTITY, net.positions().iter().copied());
+        let bounds = Aabb3d::from_point_cloud(Isometry3d::IDENTITY, places.iter().copied());
         let bounds = Aabb3d::new(bounds.center(), bounds.half_size() + Vec3A::splat(net.radius()));
         if !RayCast3d::from_ray(ray, f32::MAX).intersects(&bounds) {
             return None;
         }
-        let hit = net.cast_ray(ray.origin, ray.direction).filter(|hit| is_present(&hit.particle))?;
+        let hit =
+            net.cast_ray_at(places, ray.origin, ray.direction).filter(|hit| is_present(&hit.particle))?;
         let NetHit { particle, triangle, distance, .. } = hit;
         Some((Handle::of_net(entity, particle), Hit { depth: distance, miss: 0.0, triangle }))
     };

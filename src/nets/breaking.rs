@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use super::tear::{Rupture, Tear, tear};
 use super::{ParticleNet, Topology};
 use crate::parameter::{self, InvalidParameter};
+use crate::solver::Spring;
 
 /// Beside a net: where its springs break. Default: nowhere.
 ///
@@ -52,11 +53,15 @@ impl Breaking {
     pub fn give_to(&self, topology: &mut Topology) {
         let tears = !topology.triangles.is_empty();
         for (_, spring) in &mut topology.springs {
-            let of_strain = self.strain.map(|strain| spring.stiffness * spring.length_at_rest() * strain);
-            let limits = [of_strain, self.force].into_iter().flatten();
-            spring.breaking_force = limits.reduce(f32::min);
+            spring.breaking_force = self.limit(spring);
             spring.tears = tears && spring.breaking_force.is_some();
         }
+    }
+
+    /// The tension that a spring bears, N.
+    pub(super) fn limit(&self, spring: &Spring) -> Option<f32> {
+        let of_strain = self.strain.map(|strain| spring.stiffness * spring.length_at_rest() * strain);
+        [of_strain, self.force].into_iter().flatten().reduce(f32::min)
     }
 }
 
@@ -71,7 +76,11 @@ impl ParticleNet {
     /// Gives the springs what they bear, where they have not got it.
     pub(crate) fn give_breaking(&mut self, breaking: Breaking) {
         breaking.give_to(Arc::make_mut(&mut self.topology));
+        if let Some(spool) = &mut self.spool {
+            spool.give_breaking(&breaking);
+        }
         self.breaking = breaking;
+        self.versions.touch_parameters();
     }
 
     /// What its springs bear.
@@ -85,12 +94,14 @@ impl ParticleNet {
             && let Some(plasticity) = &mut spring.plasticity
         {
             plasticity.strain = strain;
+            self.versions.touch_parameters();
         }
     }
 
     /// Comes apart where springs broke.
     pub(crate) fn come_apart(&mut self, ruptures: &[Rupture]) -> Damage {
         let topology = Arc::make_mut(&mut self.topology);
+        self.versions.touch_structure();
         let Tear { splits, held, .. } = tear(topology, &mut self.positions, &mut self.velocities, ruptures);
         if !self.applied_forces.is_empty() {
             self.applied_forces.resize(self.positions.len(), Vec3::ZERO);
@@ -103,6 +114,9 @@ impl ParticleNet {
             let spring = self.topology.springs.get(rupture.spring as usize);
             if spring.is_some_and(|(_, spring)| spring.stiffness == 0.0 && spring.damping == 0.0) {
                 self.break_spring(rupture.spring);
+                if let Some(spool) = &mut self.spool {
+                    spool.break_link(rupture.spring);
+                }
             }
         }
         let broken = ruptures.iter().map(|rupture| rupture.spring).filter(|spring| !held.contains(spring));

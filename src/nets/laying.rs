@@ -35,6 +35,9 @@ trait Recipe: Component + Clone {
     fn on_topology_of(&self, laid_out: &AnyRecipe) -> Option<Self>;
 
     fn into_any(self) -> AnyRecipe;
+
+    /// The recipe that was laid out, if it is one of this kind.
+    fn of(laid_out: &AnyRecipe) -> Option<&Self>;
 }
 
 /// Any recipe.
@@ -66,6 +69,10 @@ impl Recipe for Rope {
     fn into_any(self) -> AnyRecipe {
         AnyRecipe::Rope(self)
     }
+
+    fn of(laid_out: &AnyRecipe) -> Option<&Self> {
+        if let AnyRecipe::Rope(rope) = laid_out { Some(rope) } else { None }
+    }
 }
 
 /// The recipes that have a shape, which may be a mesh.
@@ -92,6 +99,10 @@ macro_rules! shaped_recipe {
 
             fn into_any(self) -> AnyRecipe {
                 AnyRecipe::$recipe(self)
+            }
+
+            fn of(laid_out: &AnyRecipe) -> Option<&Self> {
+                if let AnyRecipe::$recipe(recipe) = laid_out { Some(recipe) } else { None }
             }
         }
     };
@@ -274,11 +285,11 @@ fn change_material<R: Recipe>(
     if any == laid_out.recipe {
         return;
     }
-    match topologies.get(&recipe, laid_out.mesh.as_ref()) {
-        Ok(topology) if topology.positions.len() == net.len() => {
-            net.set_topology(topology);
-            laid_out.recipe = any;
-        }
+    let mesh = laid_out.mesh.as_ref();
+    let Some(old) = R::of(&laid_out.recipe) else { return };
+    let topologies = topologies.get(old, mesh).and_then(|old| Ok((old, topologies.get(&recipe, mesh)?)));
+    match topologies {
+        Ok((old, new)) if net.change_material(&old, &new) => laid_out.recipe = any,
         Ok(_) => log::warn!("{} {entity} keeps its material: its particles are others by now", R::NAME),
         Err(problem) => log::warn!("{} {entity} keeps its material: {problem}", R::NAME),
     }

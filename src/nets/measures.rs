@@ -7,15 +7,10 @@ use super::{Layout, ParticleNet};
 impl ParticleNet {
     /// The present length of a rope along its particles, m, around it if it is closed; `None` of what is no rope.
     pub fn length(&self) -> Option<f32> {
-        let Layout::Rope { is_closed } = self.topology().layout else { return None };
-        let places = self.positions();
-        let between = |one: &Vec3, other: &Vec3| one.as_dvec3().distance(other.as_dvec3());
-        let open: f64 = places.windows(2).map(|pair| between(&pair[0], &pair[1])).sum();
-        let closing = match (places.first(), places.last()) {
-            (Some(first), Some(last)) if is_closed => between(first, last),
-            _ => 0.0,
-        };
-        Some((open + closing) as f32)
+        let Layout::Rope { .. } = self.topology().layout else { return None };
+        let place = |end: u32| self.positions()[end as usize].as_dvec3();
+        let lengths = self.topology().segments().map(|[one, other]| place(one).distance(place(other)));
+        Some(lengths.sum::<f64>() as f32)
     }
 
     /// The volume inside its surface, m³, by the divergence theorem: Σ a · (b × c) / 6 over the triangles, from the first

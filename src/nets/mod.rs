@@ -16,6 +16,7 @@ mod jelly;
 mod lattice;
 mod laying;
 mod material;
+mod material_change;
 mod measures;
 mod membrane;
 mod moduli;
@@ -33,6 +34,7 @@ mod tear;
 mod topology;
 mod triangle_mesh;
 mod validation;
+mod version;
 mod weld;
 mod winch;
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bevy::prelude::*;
 
+use super::version::Versions;
 use super::{Breaking, Spool, Topology};
 
 /// Many particles and what joins them, on one entity: a rope, a cloth, a jelly, a balloon.
@@ -25,6 +26,8 @@ use super::{Breaking, Spool, Topology};
 pub struct ParticleNet {
     #[cfg_attr(feature = "serialize", serde(with = "shared"))]
     pub(super) topology: Arc<Topology>,
+    #[cfg_attr(feature = "serialize", serde(skip))]
+    pub(super) versions: Versions,
     pub(super) positions: Vec<Vec3>,
     pub(super) velocities: Vec<Vec3>,
     /// In ascending order.
@@ -107,6 +110,12 @@ impl ParticleNet {
         self.tensions.clear();
         (self.breaking, self.spool) = (Breaking::default(), None);
         self.topology = topology;
+        self.versions.touch_structure();
+    }
+
+    /// The numbers of the present version of its topology.
+    pub(crate) fn versions(&self) -> Versions {
+        self.versions
     }
 
     /// The number of particles.
@@ -214,6 +223,7 @@ impl ParticleNet {
     pub(crate) fn break_spring(&mut self, spring: u32) {
         if let Err(place) = self.broken.binary_search(&spring) {
             self.broken.insert(place, spring);
+            self.versions.touch_structure();
         }
     }
 

@@ -1,7 +1,6 @@
 //! Parts: entities that stand for particles of a net.
 
 use std::fmt;
-use std::sync::{Arc, Weak};
 
 use bevy::ecs::entity::MapEntities;
 use bevy::prelude::*;
@@ -135,9 +134,9 @@ pub struct PartState {
     pub(crate) is_held: bool,
     /// The places of its particles in its own frame when it was pinned, m; of parts of several particles.
     pub(crate) offsets: Vec<Vec3>,
-    /// The net in which the particles were found.
+    /// The version of the net in which the particles were found; 0 before.
     #[cfg_attr(feature = "serialize", serde(skip))]
-    pub(crate) topology: Weak<Topology>,
+    pub(crate) structure: u64,
     /// The slot in the solver, of a part of one particle.
     #[cfg_attr(feature = "serialize", serde(skip))]
     pub(crate) slot: Option<u32>,
@@ -149,8 +148,8 @@ impl PartState {
         &self.particles
     }
 
-    /// Whether its particles were found in this net.
+    /// Whether its particles were found in this net, as it is.
     pub(crate) fn is_of(&self, net: &ParticleNet) -> bool {
-        std::ptr::eq(self.topology.as_ptr(), Arc::as_ptr(net.topology()))
+        self.structure == net.versions().structure
     }
 }

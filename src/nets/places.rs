@@ -45,9 +45,35 @@ impl Topology {
         (self.layout == Layout::Rope { is_closed: false }).then_some(0)
     }
 
-    /// The last particle of a rope; `None` of other nets and of loops.
+    /// The last particle of a rope; `None` of other nets and of loops. What a winch adds comes in before it.
     pub fn end(&self) -> Option<u32> {
-        self.start().and_then(|_| (self.positions.len() as u32).checked_sub(1))
+        let last = self.start().and_then(|_| (self.positions.len() as u32).checked_sub(1))?;
+        if !self.is_numbered_by_springs() {
+            return Some(last);
+        }
+        let mut springs_at = vec![0_u32; self.positions.len()];
+        self.springs.iter().flat_map(|(ends, _)| ends).for_each(|end| springs_at[*end as usize] += 1);
+        (1..=last).rev().find(|particle| springs_at[*particle as usize] == 1).or(Some(last))
+    }
+
+    /// The ends of the segments of a rope, in no order. Without a spring for each of them, as they follow by number.
+    pub(super) fn segments(&self) -> impl Iterator<Item = [u32; 2]> {
+        let by_springs = self.is_numbered_by_springs();
+        let is_closed = self.layout == Layout::Rope { is_closed: true };
+        let count = self.positions.len() as u32;
+        let segments = if is_closed { count } else { count.saturating_sub(1) };
+        (0..segments).map(move |first| match by_springs {
+            true => self.springs[first as usize].0,
+            false => [first, (first + 1) % count],
+        })
+    }
+
+    /// Whether it is an open rope with a spring for each segment: of one on a winch, only these know what follows what.
+    fn is_numbered_by_springs(&self) -> bool {
+        let count = self.positions.len();
+        self.layout == Layout::Rope { is_closed: false }
+            && self.springs.len() + 1 == count
+            && self.springs.iter().all(|(ends, _)| ends.iter().all(|end| (*end as usize) < count))
     }
 
     /// The particles along a side of a sheet, in ascending order; `None` of other nets.

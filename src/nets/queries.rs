@@ -29,7 +29,11 @@ impl ParticleNet {
 
     /// Where a ray first meets its surface, from either side; of a rope, its segments as thick as its radius.
     pub fn cast_ray(&self, origin: Vec3, direction: Dir3) -> Option<NetHit> {
-        let places = self.positions();
+        self.cast_ray_at(self.positions(), origin, direction)
+    }
+
+    /// The same with its particles in other places, as where they are drawn.
+    pub(crate) fn cast_ray_at(&self, places: &[Vec3], origin: Vec3, direction: Dir3) -> Option<NetHit> {
         let mut best: Option<NetHit> = None;
         let mut consider = |distance: f32, triangle: Option<u32>, corners: &[u32]| {
             if best.is_none_or(|best| distance < best.distance) {
@@ -46,10 +50,8 @@ impl ParticleNet {
                 consider(distance, Some(number), triangle);
             }
         }
-        if let Layout::Rope { is_closed } = self.topology().layout {
-            let count = self.len() as u32;
-            let segments = if is_closed { count } else { count.saturating_sub(1) };
-            for segment in (0..segments).map(|first| [first, (first + 1) % count]) {
+        if let Layout::Rope { .. } = self.topology().layout {
+            for segment in self.topology().segments() {
                 let ends = segment.map(|end| places[end as usize]);
                 if let Some(distance) = meet_segment(ends, self.radius(), origin, direction) {
                     consider(distance, None, &segment);

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use bevy::math::Vec3;
 
-use super::{Layout, Topology};
+use super::{Breaking, Layout, Topology};
 use crate::solver::{Bend, Spring};
 
 /// The first link is divided beyond this multiple of its full length.
@@ -223,18 +223,54 @@ impl Spool {
         self.leaving = 0;
     }
 
+    /// A link broke: neither it nor the bends over it come back, whether they are wound up or paid out. Numbers that are no
+    /// links count for nothing.
+    pub fn break_link(&mut self, number: u32) {
+        let Some(place) = self.links.iter().position(|link| link.number == number) else { return };
+        let spring = &mut self.links[place].spring;
+        (spring.stiffness, spring.damping, spring.breaking_force) = (0.0, 0.0, None);
+        for over in place.saturating_sub(1)..=place {
+            if let Some(Some((_, rod))) = self.rods.get_mut(over) {
+                (rod.stiffness, rod.damping) = (0.0, 0.0);
+            }
+        }
+    }
+
+    /// Gives the links what they bear.
+    pub(super) fn give_breaking(&mut self, breaking: &Breaking) {
+        for Link { spring, .. } in self.links.iter_mut().filter(|link| link.spring.stiffness > 0.0) {
+            spring.breaking_force = breaking.limit(spring);
+        }
+    }
+
+    /// Gives the elements and masses other parameters, by their numbers and what they are.
+    pub(super) fn change_material(
+        &mut self,
+        spring: impl Fn(u32, Spring) -> Spring,
+        rod: impl Fn(u32, Bend<3>) -> Bend<3>,
+        mass: impl Fn(u32, f32) -> f32,
+    ) {
+        self.links.iter_mut().for_each(|link| link.spring = spring(link.number, link.spring));
+        self.rods.iter_mut().flatten().for_each(|(number, bend)| *bend = rod(*number, *bend));
+        let inner = self.chain[1.min(self.chain.len() - 1)];
+        self.linear_density *= f64::from(mass(inner, 1.0));
+        self.chain.iter().zip(&mut self.masses).for_each(|(particle, own)| *own = mass(*particle, *own));
+    }
+
     /// Writes what is outside and what is not.
-    fn write(&self, topology: &mut Topology) {
+    pub(super) fn write(&self, topology: &mut Topology) {
         let outside = self.wound - self.leaving;
         let first = self.length - self.links[outside + 1..].iter().map(Link::length).sum::<f64>();
         for (place, link) in self.links.iter().enumerate() {
             let spring = &mut topology.springs[link.number as usize].1;
             let damping = if place > self.wound + 1 { link.spring.damping } else { 0.0 };
+            let plasticity = spring.plasticity;
             *spring = match place {
                 _ if place < outside => Spring { stiffness: 0.0, damping, rest_length: 0.0, ..link.spring },
                 _ if place == outside => link.of_length(first),
                 _ => Spring { damping, ..link.spring },
             };
+            spring.plasticity = plasticity;
         }
         for (place, rod) in self.rods.iter().enumerate() {
             if let Some((number, rod)) = rod {

@@ -2,6 +2,8 @@
 
 use bevy::math::Vec3;
 
+use crate::collider::ColliderShape;
+
 /// A triangle mesh: what a cloth, jelly or balloon is made from.
 ///
 /// Vertices may lie in the same place, as they do along the seams of texture coordinates and at hard edges: they
@@ -61,5 +63,12 @@ impl TriangleMesh {
         for (channel, name) in ["RED", "GREEN", "BLUE"].into_iter().enumerate() {
             self.paint(name, |vertex| (0..3).all(|other| (vertex.colour[other] > 0.5) == (other == channel)));
         }
+    }
+}
+
+/// The mesh as a collider: a solid where it is closed, else a sheet that is met from both sides.
+impl From<TriangleMesh> for ColliderShape {
+    fn from(mesh: TriangleMesh) -> Self {
+        Self::Mesh { vertices: mesh.positions.into(), triangles: mesh.triangles.into(), one_sided: false }
     }
 }

@@ -91,8 +91,10 @@ impl ParticleNet {
         let spring = self.topology.springs[number as usize].1;
         let elongation = self.positions[inner].distance(self.positions[outer]) - spring.length_at_rest();
         let by = winch.turn(time_step, spool.length(), spring.stiffness * elongation);
+        self.versions.touch_parameters();
         let topology = Arc::make_mut(&mut self.topology);
         if by > 0.0 && spool.held().len() == 1 {
+            self.versions.touch_structure();
             spool.extend(ADDED_LINKS, topology, &mut self.positions, &mut self.velocities);
             if !self.applied_forces.is_empty() {
                 self.applied_forces.resize(self.positions.len(), Vec3::ZERO);

@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::{self, Ui};
 
 use super::widgets::{Scale, TEXT_SIZE, field, parameter, row, slider};
-use crate::collider::{CollisionSettings, PlaneCollider};
+use crate::collider::{CollisionSettings, ParticleCollider};
 use crate::environment::{Environment, Gusts};
 use crate::particle::{Particle, Pinned};
 use crate::settings::{Integrator, SolverSettings, SubstepMode};
@@ -159,12 +159,12 @@ fn draw_scheme(ui: &mut Ui, integrator: &mut Integrator) {
 pub(super) fn draw_collisions(
     mut ui: InMut<Ui>,
     mut settings: ResMut<CollisionSettings>,
-    mut planes: Query<&mut PlaneCollider>,
+    mut planes: Query<&mut ParticleCollider>,
 ) {
     let mut edited = *settings;
-    ui.checkbox(&mut edited.ground, "with planes (key c)");
-    if let Some(first) = planes.iter().next().copied() {
-        let mut plane = first;
+    ui.checkbox(&mut edited.ground, "with colliders (key c)");
+    if let Some(first) = planes.iter().next().cloned() {
+        let mut plane = first.clone();
         ui.add_enabled_ui(edited.ground, |ui| {
             parameter(ui, "restitution", "", &mut plane.restitution, 0.0..=1.0, Scale::Linear);
             parameter(ui, "friction", "", &mut plane.friction, 0.0..=2.0, Scale::Linear);

@@ -17,6 +17,7 @@ use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 
 use super::binding::Binding;
+use super::crowd::CrowdShape;
 use super::easing::{self, NetEasing, NetVersion, NetView};
 use super::frame::Frame;
 use super::known::{Known, Particles};
@@ -46,7 +47,7 @@ pub(super) struct Drawing {
     bounded: Option<(NetVersion, GlobalTransform)>,
     drawn: Option<(NetVersion, GlobalTransform)>,
     /// Whether `vertices` is newer than the mesh.
-    is_pending: bool,
+    pub is_pending: bool,
 }
 
 /// The component by which an entity is drawn.
@@ -62,13 +63,14 @@ pub(super) enum Kind {
 pub(super) enum Shape {
     Surface { surface: Surface, binding: Option<Binding> },
     Tube(Tube),
+    Crowd(CrowdShape),
 }
 
 impl Shape {
     fn particle_count(&self) -> usize {
         match self {
             Self::Surface { surface, .. } => surface.particle_count(),
-            Self::Tube(tube) => tube.particle_count(),
+            Self::Tube(tube) | Self::Crowd(CrowdShape { tube, .. }) => tube.particle_count(),
         }
     }
 }
@@ -123,7 +125,9 @@ impl Drawing {
         let [low, high] = world;
         let (overhang, radius) = match shape {
             Shape::Surface { surface, .. } => (surface.overhang() * (high - low), surface.height()),
-            Shape::Tube(tube) => (Vec3A::splat(tube.overhang(view)), tube.radius()),
+            Shape::Tube(tube) | Shape::Crowd(CrowdShape { tube, .. }) => {
+                (Vec3A::splat(tube.overhang(view)), tube.radius())
+            }
         };
         // Easing, the way into the space of the entity and the vertices themselves round some ten times.
         let size = low.abs().max(high.abs()).max(place.translation_vec3a().abs()).max_element();
@@ -139,13 +143,19 @@ impl Drawing {
             return;
         }
         self.drawn = Some((version, *place));
-        let (Some(shape), Some(frame)) = (&self.shape, Frame::new(place)) else { return };
+        let (Some(shape), Some(frame)) = (&mut self.shape, Frame::new(place)) else { return };
+        // The shader of crowds works in the world.
+        let frame = if matches!(shape, Shape::Crowd(_)) { Frame::World } else { frame };
         frame.place(view, &mut self.scratch.places);
         match shape {
             Shape::Surface { surface, .. } => {
                 surface.write(frame.scale(), &mut self.scratch, &mut self.vertices)
             }
             Shape::Tube(tube) => tube.write(&frame, &mut self.scratch, &mut self.vertices),
+            #[cfg(any(feature = "crowd", test))]
+            Shape::Crowd(CrowdShape { tube, entries, .. }) => tube.write_entries(&mut self.scratch, entries),
+            #[cfg(not(any(feature = "crowd", test)))]
+            Shape::Crowd(_) => {}
         }
         self.is_pending = true;
     }
@@ -250,7 +260,7 @@ pub(super) fn draw_nets(
     }
     for (mut drawing, _, _, mesh_3d, mesh_2d) in &mut drawings {
         let drawing = drawing.bypass_change_detection();
-        if !std::mem::take(&mut drawing.is_pending) {
+        if matches!(drawing.shape, Some(Shape::Crowd(_))) || !std::mem::take(&mut drawing.is_pending) {
             continue;
         }
         let id = drawing.mesh.id();

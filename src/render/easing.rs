@@ -65,7 +65,7 @@ pub(super) fn view<'a>(
 
 /// Where the particles of a net come from in a frame, and the part of the way that lies behind; `None`: all are seen where
 /// they are. For what else is drawn at a net.
-#[cfg(feature = "gizmos")]
+#[cfg(any(feature = "drag", feature = "gizmos"))]
 pub(crate) fn way<'a>(
     net: &Ref<ParticleNet>,
     easing: Option<&'a NetEasing>,

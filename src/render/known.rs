@@ -1,27 +1,21 @@
 //! What was known of a net when something was made for it.
 
-use std::sync::{Arc, Weak};
-
 use crate::nets::{ParticleNet, Topology};
 
 /// A net as it was.
-///
-/// It holds the topology weakly: a net that alone has its topology changes it in place, and would have to copy it if
-/// it were held here. What is changed so gets another address all the same, and no other gets this one.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Known {
-    topology: Weak<Topology>,
-    broken: Vec<u32>,
+    structure: u64,
 }
 
 impl Known {
     pub fn new(net: &ParticleNet) -> Self {
-        Self { topology: Arc::downgrade(net.topology()), broken: net.broken().to_vec() }
+        Self { structure: net.versions().structure }
     }
 
-    /// Whether the net has the same topology and the same broken springs.
+    /// Whether the net has the same particles, joined by the same springs, of which the same broke.
     pub fn is_same(&self, net: &ParticleNet) -> bool {
-        Weak::as_ptr(&self.topology) == Arc::as_ptr(net.topology()) && self.broken == net.broken()
+        *self == Self::new(net)
     }
 }
 

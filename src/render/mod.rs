@@ -6,6 +6,7 @@
 //! | [`RopeMesh`] | a tube with rounded ends around a rope |
 //! | [`RopeRibbon`] | a rope as a flat ribbon |
 //! | [`RopeLinks`] | a copy of an entity for each link of a rope |
+//! | [`RopeCrowd`] | beside `RopeMesh`: the tube as one of a crowd, by a vertex shader (feature `crowd`) |
 //! | [`NetSkin`] | a fine mesh, on an entity of its own, that the surface of a coarse net moves |
 //!
 //! Recipes that are made from a mesh get that of their entity as their [`RecipeMesh`](crate::nets::RecipeMesh).
@@ -16,6 +17,7 @@
 //! for nets that moved and that a view sees.
 
 mod binding;
+mod crowd;
 mod drawing;
 pub(crate) mod easing;
 mod fine;
@@ -38,6 +40,9 @@ use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
 
 pub use binding::NetMeshError;
+pub use crowd::RopeCrowd;
+#[cfg(feature = "crowd")]
+pub use crowd::{MassSpringCrowdPlugin, RopeCrowdExtension, RopeCrowdMaterial};
 pub use links::{RopeLink, RopeLinks};
 pub use net_mesh::{NetMesh, RestMesh};
 pub use rope_mesh::{RopeMesh, RopeMeshError, RopeRibbon};
@@ -104,6 +109,7 @@ impl Plugin for MassSpringRenderPlugin {
             .add_observer(stop_drawing::<NetSkin>)
             .add_observer(links::stop_links)
             .add_observer(stop_drawing::<RopeMesh>)
+            .add_observer(stop_drawing::<RopeCrowd>)
             .add_observer(stop_drawing::<RopeRibbon>)
             .add_observer(stop_drawing::<crate::nets::ParticleNet>);
     }

@@ -5,15 +5,22 @@ use std::error::Error;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
+use super::crowd::CrowdSupport;
 use crate::settings::Dimensions;
 
 /// Which kind of mesh entities get.
 #[derive(SystemParam)]
 pub(super) struct OwnMesh<'w> {
     dimensions: Option<Res<'w, Dimensions>>,
+    crowds: Option<Res<'w, CrowdSupport>>,
 }
 
 impl OwnMesh<'_> {
+    /// Whether ropes can be drawn as crowds.
+    pub fn has_crowds(&self) -> bool {
+        self.crowds.is_some()
+    }
+
     /// Whether an entity without a mesh gets a `Mesh2d`.
     pub fn is_flat(&self, has_3d: bool, has_2d: bool) -> bool {
         has_2d || !has_3d && self.dimensions.as_deref() == Some(&Dimensions::Two)

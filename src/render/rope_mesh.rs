@@ -5,6 +5,7 @@ use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use thiserror::Error;
 
+use super::crowd::{CrowdShape, RopeCrowd};
 use super::drawing::{Drawing, Kind, Shape};
 use super::known::Known;
 use super::own_mesh::{OwnMesh, report};
@@ -170,6 +171,7 @@ type Ropes<'w, 's> = Query<
         Option<Ref<'static, RopeRibbon>>,
         Has<Mesh3d>,
         Has<Mesh2d>,
+        Has<RopeCrowd>,
         Option<&'static mut Drawing>,
         Option<&'static Name>,
     ),
@@ -183,13 +185,21 @@ pub(super) fn prepare_ropes(
     own: OwnMesh,
     mut commands: Commands,
 ) {
-    for (entity, net, tube, ribbon, has_3d, has_2d, drawing, name) in &mut ropes {
+    for (entity, net, tube, ribbon, has_3d, has_2d, is_of_crowd, drawing, name) in &mut ropes {
         let (kind, is_changed) = match (&tube, &ribbon) {
             (Some(tube), _) => (Kind::RopeMesh, tube.is_changed()),
             (None, Some(ribbon)) => (Kind::RopeRibbon, ribbon.is_changed()),
             (None, None) => continue,
         };
-        let drawing = drawing.filter(|drawing| drawing.kind == kind);
+        let is_of_crowd = is_of_crowd && own.has_crowds() && tube.is_some() && !own.is_flat(has_3d, has_2d);
+        let is_as_wanted = |drawing: &Mut<Drawing>| {
+            let is_of_other_kind = match &drawing.shape {
+                Some(Shape::Crowd(_)) => !is_of_crowd,
+                shape => shape.is_some() && is_of_crowd,
+            };
+            drawing.kind == kind && !is_of_other_kind
+        };
+        let drawing = drawing.filter(is_as_wanted);
         if let Some(drawing) = &drawing
             && !is_changed
             && drawing.known.is_same(net)
@@ -216,10 +226,16 @@ pub(super) fn prepare_ropes(
         // Other parameters, as a winch sets in every tick, change no mesh.
         let mut drawing = drawing;
         if let Some(drawing) = &mut drawing
-            && let Some(Shape::Tube(old)) = &drawing.shape
+            && let Some(Shape::Tube(old) | Shape::Crowd(CrowdShape { tube: old, .. })) = &drawing.shape
             && old.is_like(&tube)
         {
             drawing.known = Known::new(net);
+            continue;
+        }
+        if is_of_crowd {
+            let shape = Shape::Crowd(CrowdShape { tube, entries: Vec::new(), has_place: false });
+            let drawing = Drawing::new(entity, net, kind, Handle::default()).with_shape(shape);
+            commands.entity(entity).try_insert(drawing);
             continue;
         }
         let mesh = mesh_of(&tube, net.topology());

@@ -35,12 +35,12 @@ pub(super) enum Section {
 /// The tubes around all strands of a net.
 #[derive(Debug, Clone)]
 pub(super) struct Tube {
-    profile: Profile,
-    strands: Vec<Strand>,
+    pub(super) profile: Profile,
+    pub(super) strands: Vec<Strand>,
     /// The direction of the first link of each strand at rest, and the normal of its first frame then.
-    starts: Vec<[Vec3A; 2]>,
+    pub(super) starts: Vec<[Vec3A; 2]>,
     /// Around a cross-section: cos and sin. The last is the first again.
-    corners: Vec<[f32; 2]>,
+    pub(super) corners: Vec<[f32; 2]>,
     particle_count: usize,
 }
 
@@ -121,7 +121,7 @@ impl Tube {
         0.125 * square.sqrt()
     }
 
-    fn cap_rings(&self, strand: &Strand) -> u32 {
+    pub(super) fn cap_rings(&self, strand: &Strand) -> u32 {
         match self.profile.section {
             Section::Round { cap_rings, .. } if !strand.is_closed => cap_rings,
             _ => 0,
@@ -262,7 +262,13 @@ fn face(facing: Vec3A, axes: &[Vec3A], normals: &mut Vec<Vec3A>) {
 }
 
 /// Normals that turn about the strand as little as possible.
-fn roll(strand: &Strand, start: &[Vec3A; 2], centres: &[Vec3A], axes: &[Vec3A], normals: &mut Vec<Vec3A>) {
+pub(super) fn roll(
+    strand: &Strand,
+    start: &[Vec3A; 2],
+    centres: &[Vec3A],
+    axes: &[Vec3A],
+    normals: &mut Vec<Vec3A>,
+) {
     let [axis_at_rest, normal_at_rest] = *start;
     let turn = Quat::from_rotation_arc(axis_at_rest.into(), axes[0].into());
     let mut normal = orthonormal(turn * normal_at_rest, axes[0]);
@@ -313,7 +319,7 @@ pub(super) fn orthonormal(normal: Vec3A, axis: Vec3A) -> Vec3A {
 }
 
 /// The direction of the strand at a centre: half-way between the two links there.
-fn axis_at(centres: &[Vec3A], ring: usize, is_closed: bool) -> Vec3A {
+pub(super) fn axis_at(centres: &[Vec3A], ring: usize, is_closed: bool) -> Vec3A {
     let last = centres.len() - 1;
     let direction = |from: usize| (centres[from + 1] - centres[from]).normalize_or_zero();
     let before = match ring {
@@ -334,7 +340,7 @@ fn axis_at(centres: &[Vec3A], ring: usize, is_closed: bool) -> Vec3A {
 }
 
 /// The centres of the cross-sections: the particles, and between them those of a Catmull–Rom spline.
-fn centres(strand: &Strand, places: &[Vec3A], rings: u32, centres: &mut Vec<Vec3A>) {
+pub(super) fn centres(strand: &Strand, places: &[Vec3A], rings: u32, centres: &mut Vec<Vec3A>) {
     centres.clear();
     let particles = &strand.particles;
     let place = |number: usize| places[particles[number] as usize];

@@ -9,9 +9,10 @@ use crate::collider::CollisionSettings;
 use crate::environment::Environment;
 use crate::settings::{Integrator, SolverSettings, SubstepMode};
 
+use super::colliders::SceneCollider;
 use super::nets::SceneNet;
 
-/// The content of a scene file: settings, particles, nets, springs, bends and planes.
+/// The content of a scene file: settings, particles, nets, springs, bends, planes and colliders.
 ///
 /// Springs and bends refer to particles by their index: in the list, and beyond it among those of the nets, net after net,
 /// each in its order.
@@ -44,6 +45,9 @@ pub struct MassSpringScene {
     /// The solid half-spaces. Optional in the file.
     #[serde(default)]
     pub planes: Vec<ScenePlane>,
+    /// The colliders. Optional in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub colliders: Vec<SceneCollider>,
 }
 
 /// The time step and how it is integrated.
@@ -83,7 +87,7 @@ pub struct SceneParticle {
     pub velocity: Vec3,
     /// Mass in kg, finite and > 0.
     pub mass: f32,
-    /// Radius in m of the sphere that collides, finite and >= 0. Default 0: it collides with planes only.
+    /// Radius in m of the sphere that collides, finite and >= 0. Default 0: it collides with colliders only.
     #[serde(default)]
     pub radius: f32,
     /// Whether it has infinite mass. Default false.

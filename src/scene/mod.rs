@@ -1,10 +1,10 @@
-//! Scene files: particles, springs, bends, nets, planes and settings as RON text, `*.scene.ron`.
+//! Scene files: particles, springs, bends, nets, planes, colliders and settings as RON text, `*.scene.ron`.
 //!
 //! [`MassSpringScene`] is the file's content. It is read with [`MassSpringScene::read`] or
 //! [`MassSpringScene::from_ron`], which refuse bad values with a [`SceneError`] that says where they
 //! stand; or it is loaded as a Bevy asset and spawned by a [`MassSpringSceneRoot`]. Either way it
 //! becomes ordinary entities with [`Particle`](crate::Particle), [`Spring`](crate::Spring),
-//! [`PlaneCollider`](crate::PlaneCollider) and [`ParticleNet`](crate::ParticleNet): this module is independent of the
+//! [`ParticleCollider`](crate::ParticleCollider) and [`ParticleNet`](crate::ParticleNet): this module is independent of the
 //! solver.
 //!
 //! ```
@@ -31,6 +31,7 @@
 //! ```
 
 mod asset;
+mod colliders;
 mod description;
 mod error;
 mod nets;
@@ -40,6 +41,7 @@ mod spawn;
 mod validate;
 
 pub use asset::{MassSpringSceneLoader, MassSpringScenePlugin, MassSpringSceneRoot};
+pub use colliders::SceneCollider;
 pub use description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 pub use error::{Position, SceneError, SceneErrorReason};
 pub use nets::SceneNet;

@@ -17,7 +17,7 @@ pub enum SceneNet {
         to: Vec3,
         /// The number of springs, >= 1.
         segments: u32,
-        /// Half of its thickness, m, >= 0. Default 0: it collides with planes only.
+        /// Half of its thickness, m, >= 0. Default 0: it collides with colliders only.
         #[serde(default)]
         radius: f32,
         /// Its mass by length, kg/m, > 0.

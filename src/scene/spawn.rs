@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use super::description::{MassSpringScene, SceneBend, SceneParticle, ScenePlane, SceneSpring};
 use super::recipes::SceneLayout;
 use crate::bend::Bend;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::{Part, PartOf};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::SolverSettings;
@@ -33,16 +33,20 @@ pub struct SpawnedScene {
     pub bends: Vec<Entity>,
     /// The planes.
     pub planes: Vec<Entity>,
+    /// The colliders.
+    #[serde(default)]
+    pub colliders: Vec<Entity>,
     /// The nets.
     #[serde(default)]
     pub nets: Vec<Entity>,
 }
 
 impl SpawnedScene {
-    /// All entities: particles, nets, springs, bends, planes.
+    /// All entities: particles, nets, springs, bends, planes, colliders.
     pub fn iter(&self) -> impl Iterator<Item = Entity> + '_ {
         let loose = self.particles.iter().chain(&self.nets);
-        loose.chain(&self.springs).chain(&self.bends).chain(&self.planes).copied()
+        let elements = self.springs.iter().chain(&self.bends);
+        loose.chain(elements).chain(&self.planes).chain(&self.colliders).copied()
     }
 }
 
@@ -62,7 +66,7 @@ fn despawn_owned(mut world: DeferredWorld, context: HookContext) {
 }
 
 impl MassSpringScene {
-    /// Spawns particles, nets, springs, bends and planes as ordinary entities in world space. The settings of the
+    /// Spawns particles, nets, springs, bends, planes and colliders as ordinary entities in world space. The settings of the
     /// scene are left to [`apply_settings`](Self::apply_settings).
     ///
     /// A net has its recipe ([`Rope`](crate::Rope), [`Cloth`](crate::Cloth), [`Jelly`](crate::Jelly) or
@@ -98,7 +102,8 @@ impl MassSpringScene {
         });
         let bends = bends.collect();
         let planes = self.planes.iter().map(|plane| commands.spawn(plane.bundle()).id()).collect();
-        SpawnedScene { particles, springs, bends, planes, nets }
+        let colliders = self.colliders.iter().map(|collider| collider.spawn(commands)).collect();
+        SpawnedScene { particles, springs, bends, planes, colliders, nets }
     }
 
     /// Sets [`Environment`](crate::Environment), [`SolverSettings`] and
@@ -178,7 +183,7 @@ impl ScenePlane {
         // In f64: the f32 version takes slopes under 0.04° for none.
         let rotation = DQuat::from_rotation_arc(DVec3::Y, normal).as_quat();
         (
-            PlaneCollider { restitution: self.restitution, friction: self.friction },
+            ParticleCollider::half_space().with_restitution(self.restitution).with_friction(self.friction),
             Transform::from_translation(self.point).with_rotation(rotation),
         )
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::description::{MassSpringScene, SceneBend, ScenePlane, SceneSolver, SceneSpring};
 use super::error::{SceneError, SceneErrorReason};
 use super::recipes::SceneLayout;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::Particle;
 use crate::settings::SubstepMode;
@@ -105,6 +105,12 @@ impl MassSpringScene {
             let parents = [Step::Field("planes"), Step::Index(index)];
             check_plane(plane).map_err(|invalid| Fault::new(&parents, invalid))?;
         }
+        for (index, collider) in self.colliders.iter().enumerate() {
+            let parents = [Step::Field("colliders"), Step::Index(index)];
+            collider.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+            let shape = [&parents[..], &[Step::Field("shape")]].concat();
+            collider.shape.validate().map_err(|invalid| Fault::new(&shape, invalid))?;
+        }
         Ok(())
     }
 
@@ -199,5 +205,8 @@ fn check_plane(plane: &ScenePlane) -> Result<(), InvalidParameter> {
         let value = format!("{:?}", plane.normal.to_array());
         return Err(InvalidParameter { field: "normal", value, expected: "a vector that is not zero" });
     }
-    PlaneCollider { restitution: plane.restitution, friction: plane.friction }.validate()
+    ParticleCollider::half_space()
+        .with_restitution(plane.restitution)
+        .with_friction(plane.friction)
+        .validate()
 }

@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 
-use crate::solver::collision::Plane;
+use crate::solver::collision::Collider;
 use crate::solver::elements::{Bend, Elements, Holds, Plasticity, Spring};
 use crate::solver::energy::{Measurements, measure};
 use crate::solver::outputs::Outputs;
@@ -230,15 +230,15 @@ impl Solver {
         self.state.particles.applied_force.set(number, force);
     }
 
-    /// The motions of pinned particles and the planes, to be changed freely between ticks.
+    /// The motions of pinned particles and the colliders, to be changed freely between ticks.
     pub fn inputs_mut(&mut self) -> &mut Inputs {
         &mut self.inputs
     }
 
-    /// Adds a plane; its number.
-    pub fn add_plane(&mut self, plane: Plane) -> usize {
-        self.inputs.planes.push(plane);
-        self.inputs.planes.len() - 1
+    /// Adds a collider; its number.
+    pub fn add_collider(&mut self, collider: Collider) -> usize {
+        self.inputs.colliders.push(collider);
+        self.inputs.colliders.len() - 1
     }
 
     /// Sends a pinned particle to `target`, m, in each tick from now on: it arrives in the next one and stays.
@@ -289,7 +289,7 @@ impl Solver {
         &self.state
     }
 
-    /// Puts a state back, or that of another solver. With the same planes and motions of pinned particles, what
+    /// Puts a state back, or that of another solver. With the same colliders and motions of pinned particles, what
     /// follows is to the bit what followed there. Motions begin where the state has the particles; those of
     /// particles that it lacks end.
     pub fn restore(&mut self, state: State) {

@@ -54,7 +54,10 @@ mod step;
 mod strain_limit;
 mod surfaces;
 
-pub use collision::{ContactPartner, ContactRecord, Plane, Pose};
+pub use collision::{
+    Collider, CombineRule, ContactPartner, ContactRecord, Layers, Material, MeshError, MeshKind, Pose, Shape,
+    Skin,
+};
 pub use door::{Solver, SolverError};
 pub use elements::{Bend, Face, Filament, Gas, GasReading, Plasticity, Spring, enclosed_volume};
 pub use energy::Measurements;

@@ -31,7 +31,7 @@ pub struct Outputs {
     pub record_forces: bool,
     /// What ran.
     pub plan: Plan,
-    /// Touching pairs at the end of the tick: of particles and of particles with planes.
+    /// Touching pairs at the end of the tick: of particles and of particles with colliders.
     pub contact_count: usize,
     /// The contacts of all substeps, in the order of these.
     pub contacts: Vec<ContactRecord>,

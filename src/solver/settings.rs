@@ -218,12 +218,17 @@ pub struct StepSettings {
     pub air_density: f32,
     /// How the wind varies in place and time; `None`: it does not. Default `None`.
     pub gusts: Option<Gusts>,
-    /// Whether particles collide with planes. Default true.
-    pub collide_with_planes: bool,
+    /// Whether particles collide with colliders. Default true.
+    pub collide_with_colliders: bool,
     /// How particles collide with each other; `None`: not at all. Default `None`.
     pub pair_rules: Option<PairRules>,
     /// When particles fall asleep; `None`: never. Default `None`.
     pub sleep: Option<Sleep>,
+    /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
+    /// to that of the other, where particles collide. Default false.
+    pub collide_springs: bool,
+    /// Whether all motion is in a plane of constant z: what is in one place parts within it. Default false.
+    pub is_flat: bool,
 }
 
 impl Default for StepSettings {
@@ -237,9 +242,11 @@ impl Default for StepSettings {
             wind: Vec3::ZERO,
             air_density: 0.0,
             gusts: None,
-            collide_with_planes: true,
+            collide_with_colliders: true,
             pair_rules: None,
             sleep: None,
+            collide_springs: false,
+            is_flat: false,
         }
     }
 }

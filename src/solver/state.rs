@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bevy::math::Vec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Elements, Exposed, Release, Spring};
+use crate::solver::elements::{CollisionMesh, Elements, Exposed, Release, Spring};
 use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
@@ -68,6 +68,8 @@ pub struct State {
     /// What the air blows at.
     pub(super) exposed: Exposed,
     pub(super) air_clock: AirClock,
+    /// What of nets collides beside particles.
+    pub(super) mesh: CollisionMesh,
     /// Whether particles or springs were placed since the last tick so that the ends of a spring may coincide.
     pub(super) may_coincide: bool,
     pub(super) sleep: SleepMemory,
@@ -81,6 +83,7 @@ impl State {
         self.particles.clear();
         self.elements.clear();
         self.exposed.clear();
+        self.mesh.clear();
     }
 
     /// Keeps what is remembered of contacts for particles that are back in other slots: `new_slots[old]`.
@@ -142,6 +145,7 @@ impl State {
         self.sleep.vanish(slot, &self.particles);
         self.particles.vacate(slot);
         self.exposed.remove_particle(slot);
+        self.mesh.remove_particle(slot);
         self.remove_gases_at(slot);
         self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
@@ -261,6 +265,7 @@ impl State {
         self.particles.renumber(new_slots);
         self.elements.renumber(new_slots);
         self.exposed.renumber(new_slots);
+        self.mesh.renumber(new_slots);
         let new_slots: Vec<Option<u32>> = new_slots.iter().map(|slot| Some(*slot)).collect();
         self.renumber_contacts(&new_slots);
         let pulls = self.take_pulls();

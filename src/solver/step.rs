@@ -1,25 +1,27 @@
 //! A tick: plan → substeps → outputs.
 
 use crate::solver::air::Air;
-use crate::solver::collision::{ContactCaches, Plane, Substep, Surroundings};
+use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surroundings};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
 use crate::solver::settings::{Field, Integrator, StepSettings};
-use crate::solver::sleep::{SleepCaches, Sleepers};
+use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
 
-/// What moves the particles and planes in a tick, apart from the physics.
+/// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
     /// Where each pinned particle goes; one that is not listed moves at its velocity.
     pub pinned: Vec<PinnedMotion>,
-    /// The planes.
-    pub planes: Vec<Plane>,
+    /// The colliders.
+    pub colliders: Vec<Collider>,
+    /// The surfaces of particles by slot; of those beyond its end as of any.
+    pub skins: Vec<Skin>,
 }
 
 /// All that is derived from the state, and working memory. New ones give the same results.
@@ -54,7 +56,9 @@ pub(crate) fn step(
 ) {
     state.elements.settle(state.particles.own_inverse_mass());
     state.elements.begin_ramps();
-    caches.sleep.begin_tick(sleepers(state), (&inputs.pinned, &inputs.planes), settings);
+    let Inputs { pinned: motions, colliders, skins } = inputs;
+    let around = Around { motions, colliders, skins };
+    caches.sleep.begin_tick(sleepers(state), around, settings);
     let plan = caches.plan(state, settings);
     outputs.begin_tick(plan);
     if state.sleep.is_all(&state.particles) {
@@ -67,12 +71,18 @@ pub(crate) fn step(
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);
     }
     if std::mem::take(&mut state.may_coincide) {
-        part_coincident(&state.elements, &mut state.particles, settings.gravity);
+        part_coincident(&state.elements, &mut state.particles, (settings.gravity, settings.is_flat));
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
+    caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
-        caches.contacts.begin_substep(&state.contacts, &state.particles.position, &inputs.planes, settings);
+        caches.contacts.begin_substep(
+            &state.contacts,
+            &state.particles.position,
+            &inputs.colliders,
+            settings,
+        );
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         caches.advance(state, inputs, settings, pinned, plan, (index, duration));
@@ -86,7 +96,8 @@ pub(crate) fn step(
         }
         let substep = Substep {
             elements: &state.elements,
-            planes: &inputs.planes,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
             acceleration: &caches.scratch.acceleration,
             settings,
             integrator: plan.integrator,
@@ -108,7 +119,7 @@ pub(crate) fn step(
     if settings.sleep.is_some() {
         let Caches { sleep, contacts, air, .. } = caches;
         let field = Field { air: air.load(), ..settings.field() };
-        sleep.end_tick(sleepers(state), (&inputs.pinned, &inputs.planes), contacts, (settings, field));
+        sleep.end_tick(sleepers(state), around, contacts, (settings, field));
     }
     state.air_clock.advance(settings.wind, settings.time_step);
     state.pulls.end_tick();
@@ -125,8 +136,8 @@ pub(crate) fn step(
 
 /// What sleep has to do with of the state.
 fn sleepers(state: &mut State) -> Sleepers<'_> {
-    let State { sleep: memory, particles, elements, exposed, contacts, pulls, .. } = state;
-    Sleepers { memory, particles, elements, exposed, contacts, pulls }
+    let State { sleep: memory, particles, elements, exposed, mesh, contacts, pulls, .. } = state;
+    Sleepers { memory, particles, elements, exposed, mesh, contacts, pulls }
 }
 
 impl Caches {
@@ -314,8 +325,12 @@ impl Caches {
             Some(Position { done, count, .. }) => index - done + count,
             None => index + 1,
         };
+        let (features, features_version) = self.contacts.features();
         let surroundings = Surroundings {
-            planes: &inputs.planes,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
+            features,
+            features_version,
             settings,
             memory: contacts,
             elapsed: step_end as f32 / plan.substeps as f32,

@@ -1,11 +1,11 @@
-//! What is known of surfaces: how the air acts on them, and the gas that they enclose.
+//! What is known of surfaces: how the air acts on them, the gas that they enclose, and what of them collides.
 //!
 //! Faces, filaments and gases are numbered as springs are: in the order of adding, a removed one leaves an empty place.
 
 use std::ops::Range;
 
 use crate::solver::door::{Solver, SolverError, non_negative};
-use crate::solver::elements::{Enclosure, Face, Filament, Gas};
+use crate::solver::elements::{CollisionEdge, Enclosure, Face, Filament, Gas, NONE, edges_of};
 use crate::solver::gusts::AirClock;
 use crate::solver::state::State;
 
@@ -231,6 +231,69 @@ impl Solver {
     /// If there is no such gas.
     pub fn gas(&self, number: usize) -> Gas {
         self.state.gas(number).expect("the gas exists")
+    }
+
+    /// Has triangles, and their edges, collide with what they meet: each is swept by spheres of the radii of its corners.
+    /// They collide with each other, too, but for those whose ends are joined over a short way. As they are now they count
+    /// as at rest. Particles that are behind the triangles, as those of a lattice, may be named as `inner`: they collide
+    /// with planes only.
+    ///
+    /// # Errors
+    /// If a corner does not exist, or two are the same.
+    pub fn add_collision_triangles(
+        &mut self,
+        triangles: &[[usize; 3]],
+        inner: &[usize],
+    ) -> Result<Range<usize>, SolverError> {
+        for corners in triangles {
+            self.check_ends(corners)?;
+        }
+        self.check_ends(inner)?;
+        let triangles: Vec<[u32; 3]> =
+            triangles.iter().map(|corners| corners.map(|end| end as u32)).collect();
+        let edges = edges_of(&triangles);
+        let edges = edges.into_iter().map(|ends| self.edge_between(ends)).collect::<Vec<_>>();
+        let mesh = &mut self.state.mesh;
+        mesh.add_edges(edges);
+        mesh.add_inner(inner.iter().map(|slot| *slot as u32));
+        let first = mesh.add_triangles(triangles);
+        self.state.contacts.request_search();
+        Ok(first..self.state.mesh.triangles.len())
+    }
+
+    /// Has an edge collide with what it meets, as a capsule that tapers from the radius of one end to that of the other.
+    /// Returns its number among the edges.
+    ///
+    /// # Errors
+    /// If an end does not exist, or both are the same.
+    pub fn add_collision_edge(&mut self, ends: [usize; 2]) -> Result<usize, SolverError> {
+        self.check_ends(&ends)?;
+        let edge = self.edge_between(ends.map(|end| end as u32));
+        self.state.contacts.request_search();
+        Ok(self.state.mesh.add_edges([edge]))
+    }
+
+    /// Removes a triangle from what collides; its edges stay.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn remove_collision_triangle(&mut self, number: usize) {
+        self.state.mesh.remove_triangle(number);
+        self.state.contacts.request_search();
+    }
+
+    /// Removes an edge from what collides.
+    ///
+    /// # Panics
+    /// If there is no such edge.
+    pub fn remove_collision_edge(&mut self, number: usize) {
+        self.state.mesh.remove_edge(number);
+        self.state.contacts.request_search();
+    }
+
+    fn edge_between(&self, ends: [u32; 2]) -> CollisionEdge {
+        let [one, other] = ends.map(|end| self.position(end as usize));
+        CollisionEdge { ends, rest_length: one.distance(other), spring: NONE }
     }
 
     fn check_ends(&self, ends: &[usize]) -> Result<(), SolverError> {

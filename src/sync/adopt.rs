@@ -9,7 +9,7 @@ use bevy::prelude::*;
 use super::registry::Slot;
 use super::slots::{Assignment, Candidates};
 use super::springs::copy_spring;
-use super::state::{MassSpringState, RegisteredPlane};
+use super::state::{MassSpringState, RegisteredCollider};
 
 impl Assignment<'_, '_, '_, '_, '_> {
     /// Takes over a state that was put back.
@@ -17,7 +17,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         self.adopt_particles();
         let absent = self.adopt_springs();
         self.adopt_bends();
-        self.adopt_planes();
+        self.adopt_colliders();
         let nets = self.candidates.all_nets.iter().collect();
         self.state.nets.adopt(nets);
         self.register_unknown();
@@ -65,19 +65,19 @@ impl Assignment<'_, '_, '_, '_, '_> {
         absent
     }
 
-    fn adopt_planes(&mut self) {
+    fn adopt_colliders(&mut self) {
         let all = &self.candidates.all;
-        let is_plane = |entity| all.get(entity).is_ok_and(|(_, is_plane)| is_plane);
-        self.state.planes.retain(|plane| is_plane(plane.entity));
+        let is_collider = |entity| all.get(entity).is_ok_and(|(_, is_collider)| is_collider);
+        self.state.colliders.retain(|collider| is_collider(collider.entity));
     }
 
     /// Registers the entities that the state does not know, as if they had just been spawned.
     fn register_unknown(&mut self) {
         let state = &mut *self.state;
-        let known: EntityHashSet = state.planes.iter().map(|plane| plane.entity).collect();
+        let known: EntityHashSet = state.colliders.iter().map(|collider| collider.entity).collect();
         let mut all: Vec<(Entity, bool)> = self.candidates.all.iter().collect();
         all.sort_unstable_by_key(|(entity, _)| entity.index_u32());
-        for (entity, is_plane) in all {
+        for (entity, is_collider) in all {
             if let Ok((.., mut slot)) = self.candidates.particles.get_mut(entity)
                 && !slot.is_registered()
             {
@@ -93,8 +93,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
             {
                 state.bends.all.add(entity, &mut *slot);
             }
-            if is_plane && !known.contains(&entity) {
-                state.planes.push(RegisteredPlane::new(entity));
+            if is_collider && !known.contains(&entity) {
+                state.colliders.push(RegisteredCollider::new(entity));
             }
         }
     }
@@ -103,7 +103,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
     fn complete_initial_state(&mut self) {
         let initial = &mut self.bookkeeping.initial;
         let recorded = initial.entities();
-        let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *self.state;
+        let MassSpringState { particles, springs, bends, nets, colliders, .. } = &mut *self.state;
         for entry in &mut particles.entries {
             entry.is_recorded = recorded.contains(&entry.entity);
             let data = self.candidates.particles.get(entry.entity).ok().filter(|_| !entry.is_recorded);
@@ -139,8 +139,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
                 entry.is_recorded = true;
             }
         }
-        for plane in planes {
-            plane.is_recorded = recorded.contains(&plane.entity);
+        for collider in colliders {
+            collider.is_recorded = recorded.contains(&collider.entity);
         }
     }
 

@@ -7,7 +7,6 @@ use bevy::ecs::system::SystemParam;
 use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
-use crate::collider::PlaneCollider;
 use crate::parameter;
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned};
 use crate::settings::Dimensions;
@@ -15,11 +14,12 @@ use crate::solver::particles::{self, set, split_off};
 use crate::solver::{PinnedMotion, parallel};
 
 use super::Simulation;
+use super::colliders::{ColliderData, GatheredColliders, Motions, gather_colliders};
 use super::easing::Easing;
 use super::hierarchy::Hierarchy;
 use super::nets::{GatheredNets, gather_nets};
-use super::planes::{GatheredPlanes, Motions, gather_planes};
 use super::registry::Slot;
+use super::skins::{SkinnedQuery, gather_skins};
 use super::slots::{self, Bookkeeping, Candidates, NetQuery};
 use super::springs::{self, SpringQueries};
 use super::state::{MassSpringState, Warnings};
@@ -73,10 +73,10 @@ pub(super) fn gather(
     mut state: ResMut<MassSpringState>,
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
-    mut gathered_planes: ResMut<GatheredPlanes>,
-    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery)>,
+    mut gathered_colliders: ResMut<GatheredColliders>,
+    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery, SkinnedQuery)>,
     mut bookkeeping: Bookkeeping,
-    planes: Query<(&PlaneCollider, &Transform)>,
+    colliders: Query<ColliderData>,
     hierarchy: Hierarchy,
     (dimensions, mut easing, mut gathered_nets): (Res<Dimensions>, Easing, ResMut<GatheredNets>),
 ) {
@@ -99,7 +99,16 @@ pub(super) fn gather(
     gather_nets(state, simulation, &mut gathered_nets, warnings, &queries.p3(), view, moved);
     let motion_of_all = teleport::settle(state, simulation, &gathered.moved, view, &mut easing);
     let motions = Motions { view, of_all: motion_of_all };
-    gather_planes(state, simulation, &mut gathered_planes, &mut bookkeeping, &planes, &hierarchy, motions);
+    gather_colliders(
+        state,
+        simulation,
+        &mut gathered_colliders,
+        &mut bookkeeping,
+        &colliders,
+        &hierarchy,
+        motions,
+    );
+    gather_skins(state, simulation, &mut bookkeeping.warnings, &queries.p4());
 }
 
 /// Where those particles of the sample are that belong to nets.

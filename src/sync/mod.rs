@@ -13,22 +13,24 @@
 
 mod adopt;
 mod bends;
+mod colliders;
 mod easing;
 mod gather;
 mod hierarchy;
 mod nets;
-mod planes;
 mod records;
 mod registry;
 mod relocate;
 mod rigid;
 mod run;
 mod scatter;
+mod skins;
 mod slots;
 mod snapshot;
 mod springs;
 mod state;
 mod teleport;
+mod touching;
 mod view;
 
 use bevy::ecs::entity_disabling::Disabled;
@@ -37,6 +39,7 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
+use crate::collider::{ColliderMotion, move_colliders};
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -72,7 +75,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .init_resource::<state::Warnings>()
         .init_resource::<snapshot::InitialState>()
         .init_resource::<gather::Gathered>()
-        .init_resource::<planes::GatheredPlanes>()
+        .init_resource::<colliders::GatheredColliders>()
         .init_resource::<nets::GatheredNets>();
     // Refused where such entities exist already; then the observers below see to it.
     let _ = app.try_register_required_components::<Particle, Slot<Particle>>();
@@ -94,9 +97,9 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(state::mark_outdated::<Add, Disabled>)
         .add_observer(state::mark_outdated::<Remove, Disabled>)
         .add_observer(state::mark_outdated::<Insert, SimulationOrder>)
-        .add_observer(planes::register_plane)
-        .add_observer(planes::sort_planes)
-        .add_observer(planes::unregister_plane)
+        .add_observer(colliders::register_collider)
+        .add_observer(colliders::sort_colliders)
+        .add_observer(colliders::unregister_collider)
         .add_observer(nets::register_net)
         .add_observer(nets::mark_replaced)
         .add_observer(nets::unregister_net)
@@ -112,12 +115,17 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                     (nets::give_breaking, nets::gather_parts).chain().run_if(nets::any_nets),
                     nets::tie_attachments.run_if(nets::any_untied),
                     nets::turn_winches.run_if(nets::any_winches),
+                    move_colliders.run_if(any_with_component::<ColliderMotion>),
                     gather::gather,
                 )
                     .chain()
                     .in_set(MassSpringSystems::Gather),
                 run::run_step.in_set(MassSpringSystems::Step),
-                (scatter::scatter, (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets))
+                (
+                    scatter::scatter,
+                    touching::publish_touching.run_if(touching::is_requested),
+                    (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets),
+                )
                     .chain()
                     .in_set(MassSpringSystems::Scatter),
             ),

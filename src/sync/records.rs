@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::{PartState, ParticleNet};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined};
 use crate::spring::{Broken, Spring};
@@ -55,14 +55,13 @@ pub(super) struct PartRecord {
     pub state: PartState,
 }
 
-/// The components of a plane.
-#[derive(Debug, Clone, Copy)]
+/// The components of a collider.
+#[derive(Debug, Clone)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct PlaneRecord {
+pub(super) struct ColliderRecord {
     pub entity: Entity,
-    pub plane: PlaneCollider,
-    pub translation: Vec3,
-    pub rotation: Quat,
+    pub collider: ParticleCollider,
+    pub transform: Transform,
 }
 
 impl ParticleRecord {
@@ -168,18 +167,18 @@ impl PartRecord {
     }
 }
 
-impl PlaneRecord {
+impl ColliderRecord {
     pub fn of(world: &World, entity: Entity) -> Option<Self> {
         let transform = world.get::<Transform>(entity)?;
-        let plane = *world.get::<PlaneCollider>(entity)?;
-        Some(Self { entity, plane, translation: transform.translation, rotation: transform.rotation })
+        let collider = world.get::<ParticleCollider>(entity)?.clone();
+        Some(Self { entity, collider, transform: *transform })
     }
 
     pub fn restore(&self, world: &mut World) {
-        if let Some(mut plane) = world.get_mut::<PlaneCollider>(self.entity) {
-            plane.set_if_neq(self.plane);
+        if let Some(mut collider) = world.get_mut::<ParticleCollider>(self.entity) {
+            collider.set_if_neq(self.collider.clone());
             if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
-                (transform.translation, transform.rotation) = (self.translation, self.rotation);
+                transform.set_if_neq(self.transform);
             }
         }
     }

@@ -7,14 +7,14 @@ use bevy::math::{Affine3A, DVec3};
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::{PartOf, PartState, ParticleNet, Parts};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
 
+use super::colliders::pose_of;
 use super::hierarchy::{to_local, to_world, world_transform};
-use super::planes::pose_of;
 use super::rigid::RigidMotion;
 use super::state::{MassSpringState, touch};
 use super::view::{SAMPLE, View, choose_origin};
@@ -23,32 +23,33 @@ use super::{Simulation, easing};
 /// What is moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scope {
-    /// One particle, net or plane.
+    /// One particle, net or collider.
     Entity(Entity),
     /// A particle, part or net and all that springs join to it.
     Net(Entity),
-    /// All particles, nets and planes.
+    /// All particles, nets and colliders.
     Everything,
 }
 
-/// Puts particles and planes to another place.
+/// Puts particles and colliders to another place.
 pub(crate) fn relocate(world: &mut World, scope: Scope, isometry: Isometry3d) {
     if !world.contains_resource::<MassSpringState>() {
         log::warn!("Teleport: nothing is moved: the app is without MassSpringPlugin");
     } else if !(isometry.translation.is_finite() && isometry.rotation.is_finite()) {
         log::warn!("Teleport: nothing is moved: {isometry:?} is not finite");
     } else {
-        let Members { particles, nets, planes } = members(world, scope);
+        let Members { particles, nets, colliders } = members(world, scope);
         if let (Scope::Entity(entity) | Scope::Net(entity), true) =
-            (scope, particles.is_empty() && nets.is_empty() && planes.is_empty())
+            (scope, particles.is_empty() && nets.is_empty() && colliders.is_empty())
         {
-            log::warn!("Teleport: nothing is moved: {entity} is neither a particle, a net nor a plane");
+            log::warn!("Teleport: nothing is moved: {entity} is neither a particle, a net nor a collider");
             return;
         }
         let motion = RigidMotion::of_isometry(isometry, Vec3::ZERO);
         world.resource_scope(|world, mut state: Mut<MassSpringState>| {
-            let planes = planes.iter().filter_map(|plane| MovingPlane::start(world, *plane, &motion));
-            let mut planes: Vec<MovingPlane> = planes.collect();
+            let colliders =
+                colliders.iter().filter_map(|collider| MovingCollider::start(world, *collider, &motion));
+            let mut colliders: Vec<MovingCollider> = colliders.collect();
             move_particles(
                 world,
                 &mut state,
@@ -57,9 +58,9 @@ pub(crate) fn relocate(world: &mut World, scope: Scope, isometry: Isometry3d) {
                 matches!(scope, Scope::Entity(_)),
             );
             nets.iter().for_each(|net| move_frame(world, &mut state, *net, &motion));
-            planes.sort_by_key(|plane| plane.depth);
+            colliders.sort_by_key(|collider| collider.depth);
             let view = View::new(state.solver.origin, *world.resource::<Dimensions>());
-            planes.iter().for_each(|plane| plane.arrive(world, &mut state, view));
+            colliders.iter().for_each(|collider| collider.arrive(world, &mut state, view));
             touch(&mut state, &mut world.resource_mut::<Simulation>());
         });
     }
@@ -69,34 +70,34 @@ pub(crate) fn relocate(world: &mut World, scope: Scope, isometry: Isometry3d) {
 struct Members {
     particles: Vec<Entity>,
     nets: Vec<Entity>,
-    planes: Vec<Entity>,
+    colliders: Vec<Entity>,
 }
 
-/// The particles, nets and planes of a scope.
+/// The particles, nets and colliders of a scope.
 fn members(world: &mut World, scope: Scope) -> Members {
     let mut all_particles = world.query_filtered::<Entity, (With<Particle>, Allow<Disabled>)>();
-    let mut all_planes = world.query_filtered::<Entity, (With<PlaneCollider>, Allow<Disabled>)>();
+    let mut all_colliders = world.query_filtered::<Entity, (With<ParticleCollider>, Allow<Disabled>)>();
     let mut all_nets = world.query_filtered::<Entity, (With<ParticleNet>, Allow<Disabled>)>();
-    let [mut particles, mut nets, mut planes]: [Vec<Entity>; 3] = [
+    let [mut particles, mut nets, mut colliders]: [Vec<Entity>; 3] = [
         all_particles.iter(world).collect(),
         all_nets.iter(world).collect(),
-        all_planes.iter(world).collect(),
+        all_colliders.iter(world).collect(),
     ];
     match scope {
         Scope::Everything => {}
         Scope::Entity(entity) => {
             particles.retain(|other| *other == entity);
             nets.retain(|other| *other == entity);
-            planes.retain(|other| *other == entity);
+            colliders.retain(|other| *other == entity);
         }
         Scope::Net(entity) => {
             let net = net_of(world, entity);
             particles.retain(|particle| net.contains(particle));
             nets.retain(|other| net.contains(other));
-            planes.clear();
+            colliders.clear();
         }
     }
-    Members { particles, nets, planes }
+    Members { particles, nets, colliders }
 }
 
 /// The entities that springs and bends join to one, and itself.
@@ -360,15 +361,15 @@ fn frame_of(world: &World, entity: Entity) -> (Affine3A, usize) {
     (frame, depth + 1)
 }
 
-/// A plane on its way.
-struct MovingPlane {
+/// A collider on its way.
+struct MovingCollider {
     entity: Entity,
     depth: usize,
     point: Vec3,
     rotation: Quat,
 }
 
-impl MovingPlane {
+impl MovingCollider {
     fn start(world: &World, entity: Entity, motion: &RigidMotion) -> Option<Self> {
         let (frame, depth) = frame_of(world, entity);
         let transform = world.get::<Transform>(entity)?;
@@ -387,7 +388,7 @@ impl MovingPlane {
             transform.rotation = parent.inverse() * self.rotation;
         }
         let pose = pose_of(&(frame * transform.compute_affine())).and_then(|pose| view.flatten_pose(pose));
-        for known in state.planes.iter_mut().filter(|known| known.entity == self.entity) {
+        for known in state.colliders.iter_mut().filter(|known| known.entity == self.entity) {
             known.last_pose = known.last_pose.and(pose);
         }
     }

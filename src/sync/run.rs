@@ -17,6 +17,7 @@ use crate::solver::{
 use super::Simulation;
 use super::gather::Gathered;
 use super::state::MassSpringState;
+use super::touching::Requests;
 
 /// Runs the tick.
 pub(super) fn run_step(
@@ -25,7 +26,7 @@ pub(super) fn run_step(
     mut configuration: Configuration,
     gathered: Res<Gathered>,
     mut report: ResMut<TickReport>,
-    contacts: Option<Res<Messages<Contact>>>,
+    (contacts, touching): (Option<Res<Messages<Contact>>>, Requests),
     forces: Option<Res<SpringForces>>,
     measurements: Option<ResMut<Measurements>>,
 ) {
@@ -34,7 +35,7 @@ pub(super) fn run_step(
     let mut complaints = Vec::new();
     let settings = configuration.settings(&mut complaints);
     let Simulation { inputs, caches, outputs, version, .. } = simulation;
-    outputs.record_contacts = contacts.is_some();
+    outputs.record_contacts = contacts.is_some() || touching.any();
     outputs.record_forces = forces.is_some();
     step(&mut state.solver, inputs, caches, outputs, &settings);
     state.version = Version::new();
@@ -105,7 +106,7 @@ impl Configuration<'_, '_> {
             complaints
                 .push("SolverSettings: substeps is Fixed(0), expected at least 1; one is run".to_owned());
         }
-        let CollisionSettings { ground, particles, restitution, friction } = collisions;
+        let CollisionSettings { ground, particles, springs, restitution, friction } = collisions;
         StepSettings {
             integrator,
             substeps,
@@ -115,9 +116,11 @@ impl Configuration<'_, '_> {
             wind: environment.wind,
             air_density: environment.effective_air_density(),
             gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
-            collide_with_planes: ground,
+            collide_with_colliders: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
             sleep: sleep.enabled.then_some(Sleep { speed: sleep.speed, delay: sleep.delay }),
+            collide_springs: springs,
+            is_flat: *self.dimensions == Dimensions::Two,
         }
     }
 

@@ -18,10 +18,10 @@ use crate::solver::{self, ContactPartner, ContactRecord, Outputs, parallel};
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
+use super::colliders::GatheredColliders;
 use super::gather::{Gathered, MIN_SHARED, ROWS};
 use super::hierarchy::world_transform;
 use super::nets::GatheredNets;
-use super::planes::GatheredPlanes;
 use super::registry::Slot;
 use super::state::MassSpringState;
 use super::view::View;
@@ -46,7 +46,7 @@ pub(super) fn scatter(
     simulation: Res<Simulation>,
     state: Res<MassSpringState>,
     mut gathered: ResMut<Gathered>,
-    (planes, nets): (Res<GatheredPlanes>, Res<GatheredNets>),
+    (colliders, nets): (Res<GatheredColliders>, Res<GatheredNets>),
     mut queries: ParticleQueries,
     parents: Query<&ChildOf, Allow<Disabled>>,
     dimensions: Res<Dimensions>,
@@ -59,7 +59,7 @@ pub(super) fn scatter(
     publications.report_faults(&state, &mut gathered.faults, &mut report);
     publications.report_failures(&state, &nets, &simulation.outputs, &mut report);
     if let Some(messages) = &mut publications.contacts {
-        messages.write_batch(merged_contacts(&simulation.outputs, &state, &nets, &planes.0));
+        messages.write_batch(merged_contacts(&simulation.outputs, &state, &nets, &colliders.entities));
     }
     if let Some(forces) = &mut publications.forces {
         publish_forces(&simulation.outputs, &state, &nets, forces);
@@ -155,6 +155,7 @@ fn move_child(
 pub(super) struct Publications<'w, 's> {
     commands: Commands<'w, 's>,
     faults: MessageWriter<'w, ParticleFault>,
+    broke: MessageWriter<'w, Broke>,
     contacts: Option<ResMut<'w, Messages<Contact>>>,
     forces: Option<ResMut<'w, SpringForces>>,
     springs: Query<'w, 's, &'static mut Spring>,
@@ -194,7 +195,9 @@ impl Publications<'_, '_> {
             }
             let (tick, tension, point) = (report.tick, broken.tension, broken.point + state.solver.origin);
             self.commands.entity(entity).try_insert(Broken);
-            self.commands.trigger(Broke { entity, tick, tension, point, spring: None, pieces: None });
+            let broke = Broke { entity, tick, tension, point, spring: None, pieces: None };
+            self.commands.trigger(broke);
+            self.broke.write(broke);
             report.broken += 1;
         }
         for &slot in &outputs.yielded {
@@ -214,7 +217,7 @@ fn merged_contacts(
     outputs: &Outputs,
     state: &MassSpringState,
     nets: &GatheredNets,
-    planes: &[Entity],
+    colliders: &[Entity],
 ) -> Vec<Contact> {
     let mut records: Vec<&ContactRecord> = outputs.contacts.iter().collect();
     records.sort_by_key(|record| (record.slot, record.other));
@@ -227,7 +230,7 @@ fn merged_contacts(
                 Some((entity, nets.particle_at(state, entity, slot)))
             };
             let (other, other_index) = match last.other {
-                ContactPartner::Plane(plane) => (*planes.get(plane)?, None),
+                ContactPartner::Collider(collider) => (*colliders.get(collider)?, None),
                 ContactPartner::Particle(slot) => particle_in(slot)?,
             };
             let impulse = substeps.iter().map(|record| record.impulse).sum();

@@ -6,7 +6,7 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::{PartOf, PartState, ParticleNet};
 use crate::parameter::{self, InvalidParameter};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
@@ -44,7 +44,7 @@ pub(super) type NetQuery<'w, 's> = Query<'w, 's, NetData, Allow<Disabled>>;
 /// A part, and the net of which it is one.
 pub(super) type PartOfNet = (&'static PartOf, &'static mut PartState);
 
-type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<PlaneCollider>)>;
+type IsRegistered = Or<(With<Slot<Particle>>, With<Slot<Spring>>, With<Slot<Bend>>, With<ParticleCollider>)>;
 
 /// All entities that may have a slot.
 #[derive(SystemParam)]
@@ -56,8 +56,8 @@ pub(super) struct Candidates<'w, 's> {
     pub all_nets: Query<'w, 's, Entity, (With<ParticleNet>, Allow<Disabled>)>,
     pub bends: Query<'w, 's, BendData, Allow<Disabled>>,
     pub orders: Query<'w, 's, &'static SimulationOrder, Allow<Disabled>>,
-    /// All of these, and the planes.
-    pub all: Query<'w, 's, (Entity, Has<PlaneCollider>), (IsRegistered, Allow<Disabled>)>,
+    /// All of these, and the colliders.
+    pub all: Query<'w, 's, (Entity, Has<ParticleCollider>), (IsRegistered, Allow<Disabled>)>,
 }
 
 /// What the assignment writes beside the state.

@@ -4,14 +4,14 @@ use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities,
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::{PartState, ParticleNet, Parts};
 use crate::particle::{AppliedForce, Particle, ParticleVelocity};
 use crate::report::TickReport;
 use crate::solver::Measurements;
 use crate::spring::Spring;
 
-use super::records::{NetRecord, PartRecord, ParticleRecord, PlaneRecord, SpringRecord};
+use super::records::{ColliderRecord, NetRecord, PartRecord, ParticleRecord, SpringRecord};
 use super::state::MassSpringState;
 
 /// All that the next ticks of the simulation depend on, but for settings and [`Environment`](crate::Environment).
@@ -43,7 +43,7 @@ pub struct Snapshot {
     nets: Vec<NetRecord>,
     parts: Vec<PartRecord>,
     bends: Vec<(Entity, Bend)>,
-    planes: Vec<PlaneRecord>,
+    colliders: Vec<ColliderRecord>,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
 }
@@ -53,7 +53,7 @@ pub struct Snapshot {
 #[error("the snapshot has {expected} {what}, the world {found}")]
 #[non_exhaustive]
 pub struct SnapshotError {
-    /// Particles, springs, bends, nets, parts or planes.
+    /// Particles, springs, bends, nets, parts or colliders.
     pub what: &'static str,
     /// Their number in the snapshot.
     pub expected: usize,
@@ -62,7 +62,7 @@ pub struct SnapshotError {
 }
 
 impl Snapshot {
-    /// Takes a snapshot of all particles, springs, bends, nets and planes. It changes nothing.
+    /// Takes a snapshot of all particles, springs, bends, nets and colliders. It changes nothing.
     ///
     /// Between two ticks positions are those of the last one, not those that interpolation shows.
     ///
@@ -75,19 +75,23 @@ impl Snapshot {
         let springs = state.springs.entities();
         let springs = springs.filter_map(|entity| SpringRecord::of(world, entity)).collect();
         let nets = state.nets.entities().filter_map(|entity| NetRecord::of(world, entity)).collect();
-        let planes = state.planes.iter().filter_map(|plane| PlaneRecord::of(world, plane.entity)).collect();
+        let colliders = state
+            .colliders
+            .iter()
+            .filter_map(|collider| ColliderRecord::of(world, collider.entity))
+            .collect();
         let parts_of = |net: Entity| world.get::<Parts>(net).map_or(&[][..], Parts::entities);
         let parts = state.nets.entities().flat_map(|net| parts_of(net).iter().map(move |part| (net, *part)));
         let parts = parts.filter_map(|(net, part)| PartRecord::of(world, net, part)).collect();
         let bends = state.bends.all.entities();
         let bends = bends.filter_map(|entity| Some((entity, *world.get::<Bend>(entity)?))).collect();
-        Self { particles, springs, bends, nets, parts, planes, state: Some(state.clone()) }
+        Self { particles, springs, bends, nets, parts, colliders, state: Some(state.clone()) }
     }
 
-    /// Puts all particles, springs, bends, nets and planes of the snapshot back that still exist, and the solver with them.
+    /// Puts all particles, springs, bends, nets and colliders of the snapshot back that still exist, and the solver with them.
     ///
     /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends and the place and parameters of
-    /// planes return to what they were; particles that were quarantined and springs that broke
+    /// colliders return to what they were; particles that were quarantined and springs that broke
     /// since come back. Entities that were
     /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
     /// spawned.
@@ -102,7 +106,7 @@ impl Snapshot {
     /// simulation there becomes the first one of the snapshot, and so on.
     ///
     /// # Errors
-    /// If the world has another number of particles, springs, bends, nets or planes. Nothing is changed then.
+    /// If the world has another number of particles, springs, bends, nets or colliders. Nothing is changed then.
     ///
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
@@ -114,7 +118,7 @@ impl Snapshot {
             ("nets", self.net_entities(), present.net_entities()),
             ("parts", self.part_entities(), present.part_entities()),
             ("bends", self.bend_entities(), present.bend_entities()),
-            ("planes", self.plane_entities(), present.plane_entities()),
+            ("colliders", self.collider_entities(), present.collider_entities()),
         ];
         let mut map = EntityHashMap::default();
         for (what, from, to) in pairs {
@@ -150,12 +154,12 @@ impl Snapshot {
         self.bends.iter().map(|(entity, _)| *entity).collect()
     }
 
-    fn plane_entities(&self) -> Vec<Entity> {
-        self.planes.iter().map(|record| record.entity).collect()
+    fn collider_entities(&self) -> Vec<Entity> {
+        self.colliders.iter().map(|record| record.entity).collect()
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, bends, nets, parts, planes, state } = self;
+        let Self { particles, springs, bends, nets, parts, colliders, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -171,7 +175,7 @@ impl Snapshot {
                 bend.set_if_neq(recorded);
             }
         }
-        planes.iter().for_each(|record| record.restore(world));
+        colliders.iter().for_each(|record| record.restore(world));
         match state {
             Some(state) => *world.resource_mut::<MassSpringState>() = state,
             None => world.resource_mut::<MassSpringState>().restart(),
@@ -194,7 +198,7 @@ impl MapEntities for Snapshot {
             *entity = mapper.get_mapped(*entity);
             bend.map_entities(mapper);
         }
-        self.planes.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
+        self.colliders.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
         if let Some(state) = &mut self.state {
             state.map_entities(mapper);
         }
@@ -208,13 +212,13 @@ pub(super) struct InitialState(Snapshot);
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        let Snapshot { particles, springs, bends, nets, planes, .. } = &self.0;
+        let Snapshot { particles, springs, bends, nets, colliders, .. } = &self.0;
         let particles = particles.iter().map(|record| record.entity);
         let springs = springs.iter().map(|record| record.entity);
         let bends = bends.iter().map(|(entity, _)| *entity);
         let nets = nets.iter().map(|record| record.entity);
-        let planes = planes.iter().map(|record| record.entity);
-        particles.chain(springs).chain(bends).chain(nets).chain(planes).collect()
+        let colliders = colliders.iter().map(|record| record.entity);
+        particles.chain(springs).chain(bends).chain(nets).chain(colliders).collect()
     }
 
     pub fn record_particle(
@@ -268,9 +272,8 @@ impl InitialState {
         self.0.bends.push((entity, bend));
     }
 
-    pub fn record_plane(&mut self, entity: Entity, plane: PlaneCollider, transform: &Transform) {
-        let Transform { translation, rotation, .. } = *transform;
-        self.0.planes.push(PlaneRecord { entity, plane, translation, rotation });
+    pub fn record_collider(&mut self, entity: Entity, collider: ParticleCollider, transform: &Transform) {
+        self.0.colliders.push(ColliderRecord { entity, collider, transform: *transform });
     }
 }
 
@@ -278,11 +281,11 @@ impl InitialState {
 pub(crate) fn take_initial_state(world: &mut World) {
     let snapshot = Snapshot::take(world);
     let mut state = world.resource_mut::<MassSpringState>();
-    let MassSpringState { particles, springs, bends, nets, planes, .. } = &mut *state;
+    let MassSpringState { particles, springs, bends, nets, colliders, .. } = &mut *state;
     nets.entries.iter_mut().for_each(|net| net.is_recorded = true);
     let entries = particles.entries.iter_mut().chain(&mut springs.entries).chain(&mut bends.all.entries);
     entries.for_each(|entry| entry.is_recorded = true);
-    planes.iter_mut().for_each(|plane| plane.is_recorded = true);
+    colliders.iter_mut().for_each(|collider| collider.is_recorded = true);
     world.resource_mut::<InitialState>().0 = snapshot;
 }
 

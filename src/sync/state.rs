@@ -8,7 +8,7 @@ use bevy::ecs::query::Allow;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::PlaneCollider;
+use crate::collider::ParticleCollider;
 use crate::nets::ParticleNet;
 use crate::particle::Particle;
 use crate::solver::{Pose, State, Version};
@@ -20,12 +20,12 @@ use super::nets::NetRegistry;
 use super::registry::{Registry, Slot};
 
 /// What the simulation remembers from tick to tick beside the components: the order of particles and springs, where
-/// pinned particles and planes were, and the impulses of contacts.
+/// pinned particles and colliders were, and the impulses of contacts.
 ///
 /// Rollback libraries and save games store a clone of it together with the components [`Particle`],
 /// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
 /// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`Bend`],
-/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`PlaneCollider`] and `Transform` (that of parents, too). With
+/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`ParticleCollider`] and `Transform` (that of parents, too). With
 /// all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
@@ -38,8 +38,11 @@ pub struct MassSpringState {
     /// The nets in the order of spawning.
     pub(super) nets: NetRegistry,
     pub(super) bends: BendRegistry,
-    /// The planes in the order of spawning.
-    pub(super) planes: Vec<RegisteredPlane>,
+    /// The colliders in the order of spawning.
+    pub(super) colliders: Vec<RegisteredCollider>,
+    /// The pairs of entities that touched in the last tick, sorted, if anybody asks.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub(super) touching: Vec<[Entity; 2]>,
     /// Something happened that all slots depend on.
     pub(super) is_outdated: bool,
     /// Particles with bad values, left out until they are corrected.
@@ -55,10 +58,10 @@ pub struct MassSpringState {
     pub(super) version: Version,
 }
 
-/// A plane, and what is remembered of it.
+/// A collider, and what is remembered of it.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct RegisteredPlane {
+pub(super) struct RegisteredCollider {
     pub entity: Entity,
     /// The pose of the last tick; `None` if it had none.
     pub last_pose: Option<Pose>,
@@ -66,7 +69,7 @@ pub(super) struct RegisteredPlane {
     pub is_recorded: bool,
 }
 
-impl RegisteredPlane {
+impl RegisteredCollider {
     pub fn new(entity: Entity) -> Self {
         Self { entity, last_pose: None, is_recorded: false }
     }
@@ -79,7 +82,8 @@ impl MassSpringState {
         self.springs.reset_slots();
         self.nets.reset_slots();
         self.bends.reset_slots();
-        self.planes.iter_mut().for_each(|plane| plane.last_pose = None);
+        self.colliders.iter_mut().for_each(|collider| collider.last_pose = None);
+        self.touching.clear();
         self.solver.clear();
         self.solver.origin = Vec3::ZERO;
         self.solver.forget_contacts();
@@ -96,15 +100,17 @@ impl MapEntities for MassSpringState {
         self.nets.map_entities(mapper);
         self.bends.map_entities(mapper);
         for entity in self
-            .planes
+            .colliders
             .iter_mut()
-            .map(|plane| &mut plane.entity)
+            .map(|collider| &mut collider.entity)
+            .chain(self.touching.as_flattened_mut())
             .chain(&mut self.excluded)
             .chain(&mut self.pending)
             .chain(&mut self.broken)
         {
             *entity = mapper.get_mapped(*entity);
         }
+        self.touching.sort_unstable();
         self.despawned = self.despawned.iter().map(|entity| mapper.get_mapped(*entity)).collect();
         self.version = Version::new();
     }
@@ -236,10 +242,13 @@ pub(super) fn register_existing(world: &mut World) {
     register_all::<Particle>(world);
     register_all::<Spring>(world);
     register_all::<Bend>(world);
-    let mut planes = world.query_filtered::<Entity, (With<PlaneCollider>, Allow<Disabled>)>();
-    let mut planes: Vec<Entity> = planes.iter(world).collect();
-    planes.sort_unstable_by_key(|entity| entity.index_u32());
-    world.resource_mut::<MassSpringState>().planes.extend(planes.into_iter().map(RegisteredPlane::new));
+    let mut colliders = world.query_filtered::<Entity, (With<ParticleCollider>, Allow<Disabled>)>();
+    let mut colliders: Vec<Entity> = colliders.iter(world).collect();
+    colliders.sort_unstable_by_key(|entity| entity.index_u32());
+    world
+        .resource_mut::<MassSpringState>()
+        .colliders
+        .extend(colliders.into_iter().map(RegisteredCollider::new));
 }
 
 fn register_all<T: Registered>(world: &mut World) {

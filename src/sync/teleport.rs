@@ -72,9 +72,9 @@ pub(super) fn settle(
     motion_of_all
 }
 
-/// Where a plane starts that has come to `target`, if all particles were moved by `motion`: where it was, or where
+/// Where a collider starts that has come to `target`, if all particles were moved by `motion`: where it was, or where
 /// that motion took it.
-pub(super) fn start_of_plane(motion: &RigidMotion, start: Pose, target: Pose, view: View) -> Pose {
+pub(super) fn start_of_collider(motion: &RigidMotion, start: Pose, target: Pose, view: View) -> Pose {
     let origin = view.origin.as_dvec3();
     let carried = motion.apply(start.point.as_dvec3() - origin) + origin;
     let rotation = motion.turn_rotation(start.rotation);

@@ -8,7 +8,7 @@ use bevy::math::{Affine3A, DVec3, Vec3A};
 use bevy::prelude::*;
 
 use crate::settings::Dimensions;
-use crate::solver::{Plane, Pose};
+use crate::solver::{Collider, Pose};
 
 use super::hierarchy::{to_local, to_world};
 
@@ -36,6 +36,11 @@ pub(super) struct View {
 impl View {
     pub fn new(origin: Vec3, dimensions: Dimensions) -> Self {
         Self { origin, is_flat: dimensions == Dimensions::Two }
+    }
+
+    /// In which dimensions particles move.
+    pub fn dimensions(self) -> Dimensions {
+        if self.is_flat { Dimensions::Two } else { Dimensions::Three }
     }
 
     /// A vector without the depth that it must not have.
@@ -90,13 +95,23 @@ impl View {
         Some(Pose { point: pose.point.with_z(0.0), rotation })
     }
 
-    /// A plane of the world, seen by the solver: given by the point of it that is next to the solver's origin, since
-    /// the coordinates of one far away would be coarse.
-    pub fn plane_to_solver(self, plane: Plane) -> Plane {
+    /// The pose of a solid, whose depth does not count in two dimensions.
+    pub fn flatten_solid(self, pose: Pose) -> Pose {
+        Pose { point: self.flatten(pose.point), ..pose }
+    }
+
+    /// A collider of the world, seen by the solver. A half-space is given by the point of its surface that is next to
+    /// the solver's origin, since the coordinates of one far away would be coarse.
+    pub fn collider_to_solver(self, collider: Collider) -> Collider {
         if self.origin == Vec3::ZERO {
-            return plane;
+            return collider;
         }
-        let Plane { start, target, .. } = plane;
+        let Collider { start, target, .. } = collider;
+        if !collider.shape.is_half_space() {
+            let [start, target] =
+                [start, target].map(|pose| Pose { point: self.to_solver(pose.point), ..pose });
+            return Collider { start, target, ..collider };
+        }
         let [rotation, turned] = [start, target].map(|pose| pose.rotation.as_dquat().normalize());
         let normal = rotation * DVec3::Y;
         let origin = self.origin.as_dvec3();
@@ -105,10 +120,10 @@ impl View {
         // The same point of the body at the end of the tick.
         let arm = rotation.inverse() * (foot - from);
         let arrived = target.point.as_dvec3() - origin + turned * arm;
-        Plane {
+        Collider {
             start: Pose { point: foot.as_vec3(), ..start },
             target: Pose { point: if start == target { foot } else { arrived }.as_vec3(), ..target },
-            ..plane
+            ..collider
         }
     }
 }
@@ -148,6 +163,7 @@ mod tests {
     use std::f32::consts::FRAC_PI_6;
 
     use super::*;
+    use crate::solver::Shape;
 
     fn view(origin: Vec3, is_flat: bool) -> View {
         View { origin, is_flat }
@@ -215,8 +231,8 @@ mod tests {
         let origin = (along / 16.0).round() * 16.0;
         let pose = Pose { point: Vec3::ZERO, rotation };
         let moved = Pose { point: rotation * Vec3::Y * 0.5, rotation };
-        let plane = Plane { start: pose, target: moved, restitution: 0.0, friction: 0.0 };
-        let seen = view(origin, false).plane_to_solver(plane);
+        let plane = Collider { target: moved, ..Collider::resting(Shape::HALF_SPACE, pose) };
+        let seen = view(origin, false).collider_to_solver(plane);
         let normal = (rotation.as_dquat() * DVec3::Y).normalize();
         let distance = -origin.as_dvec3().dot(normal);
         assert!((seen.start.point.as_dvec3().dot(normal) - distance).abs() < 1e-5);

@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 use bevy_mass_spring::nets::{Layout, Topology};
 use bevy_mass_spring::solver::{
-    Face, Filament, Gas, Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode, enclosed_volume,
+    Collider, Face, Filament, Gas, Integrator, PairRules, Solver, StepSettings, SubstepMode, enclosed_volume,
 };
 
 /// The acceleration of gravity in these tests, m/s².
@@ -36,7 +36,7 @@ pub fn world(balls: impl IntoIterator<Item = Ball>) -> Solver {
 
 /// Adds the ground, y = 0.
 pub fn with_ground(mut state: Solver, restitution: f32, friction: f32) -> Solver {
-    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, restitution, friction));
+    state.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, restitution, friction));
     state
 }
 

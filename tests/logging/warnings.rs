@@ -208,9 +208,9 @@ fn a_plane_that_cuts_no_line_into_two_dimensions_is_named_once() {
     let mut app = app();
     app.insert_resource(Dimensions::Two);
     let facing = Transform::from_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
-    let wall = app.world_mut().spawn((PlaneCollider::default(), facing)).id();
+    let wall = app.world_mut().spawn((ParticleCollider::default(), facing)).id();
     run(&mut app, 3);
-    assert_names(&logged.take_one(), wall, &["plane", "parallel"]);
+    assert_names(&logged.take_one(), wall, &["collider", "parallel"]);
     app.world_mut().get_mut::<Transform>(wall).unwrap().rotation = Quat::IDENTITY;
     run(&mut app, 3);
     logged.assert_silent();
@@ -221,18 +221,19 @@ fn an_invalid_plane_is_named_once_and_holds_nothing() {
     let logged = Logged::start();
     let mut app = app();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
-    let ground = app.world_mut().spawn(PlaneCollider { restitution: 1.5, friction: 0.0 }).id();
+    let ground =
+        app.world_mut().spawn(ParticleCollider { restitution: 1.5, friction: 0.0, ..default() }).id();
     run(&mut app, 5);
-    assert_names(&logged.take_one(), ground, &["plane", "restitution", "1.5"]);
+    assert_names(&logged.take_one(), ground, &["collider", "restitution", "1.5"]);
     assert!(position(&app, ball).y < 0.1);
     place(&mut app, ball, Vec3::Y * 0.1);
     app.world_mut().get_mut::<ParticleVelocity>(ball).unwrap().0 = Vec3::ZERO;
-    app.world_mut().get_mut::<PlaneCollider>(ground).unwrap().restitution = 0.5;
+    app.world_mut().get_mut::<ParticleCollider>(ground).unwrap().restitution = 0.5;
     run(&mut app, 5);
     assert_eq!(position(&app, ball).y, 0.1);
     app.world_mut().get_mut::<Transform>(ground).unwrap().translation.y = f32::NAN;
     run(&mut app, 5);
-    assert_names(&logged.take_one(), ground, &["plane"]);
+    assert_names(&logged.take_one(), ground, &["collider"]);
     assert!(position(&app, ball).is_finite());
 }
 

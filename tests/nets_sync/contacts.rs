@@ -24,7 +24,7 @@ fn lowest(app: &App, net: Entity) -> f32 {
 fn a_cloth_that_falls_on_a_plane_stays_above_it() {
     let mut app = app();
     app.add_message::<Contact>();
-    let plane = app.world_mut().spawn(PlaneCollider { restitution: 0.0, friction: 0.5 }).id();
+    let plane = app.world_mut().spawn(ParticleCollider { restitution: 0.0, friction: 0.5, ..default() }).id();
     let net = spawn_cloth(&mut app, Vec3::Y * 0.3);
     let mut touching = [false; 81];
     for tick in 0..(1.5 / TICK) as u32 {

@@ -21,7 +21,7 @@ fn a_net_moves_to_the_bit_as_the_same_entities_do() {
             let [mut apart, mut together] = [app(), app()];
             for app in [&mut apart, &mut together] {
                 app.insert_resource(settings);
-                app.world_mut().spawn(PlaneCollider::default());
+                app.world_mut().spawn(ParticleCollider::default());
             }
             let mut particles = Vec::new();
             let mut nets = Vec::new();

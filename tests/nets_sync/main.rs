@@ -6,6 +6,7 @@ mod common;
 mod contacts;
 mod entities;
 mod faults;
+mod live_edits;
 mod parts;
 mod recipes;
 mod shapes;

@@ -11,7 +11,7 @@ fn scene() -> (App, [Entity; 2]) {
     let mut app = app();
     let mut sheet = cloth(8);
     sheet.radius = 0.02;
-    app.world_mut().spawn(PlaneCollider::default());
+    app.world_mut().spawn(ParticleCollider::default());
     let nets = [
         spawn_net(&mut app, &sheet, Vec3::new(0.0, 0.5, 0.0), &[0, 7]),
         spawn_net(&mut app, &rope(20), Vec3::new(0.0, 2.0, 5.0), &[0]),

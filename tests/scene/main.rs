@@ -1,6 +1,7 @@
 //! Scene files: what is read, what is refused and where, and what a scene becomes.
 
 mod assets;
+mod colliders;
 mod nets;
 mod reading;
 mod refusals;

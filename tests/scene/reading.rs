@@ -57,7 +57,8 @@ fn the_defaults() {
     let solver =
         SceneSolver { time_step: 1.0 / 60.0, integrator: Integrator::Auto, substeps: SubstepMode::Auto };
     assert_eq!(scene.solver, solver);
-    let collisions = CollisionSettings { ground: true, particles: true, restitution: 0.0, friction: 0.0 };
+    let collisions =
+        CollisionSettings { ground: true, particles: true, springs: false, restitution: 0.0, friction: 0.0 };
     assert_eq!(scene.collisions, collisions);
     let SceneParticle { velocity, radius, pinned, .. } = scene.particles[0];
     assert_eq!((velocity, radius, pinned), (Vec3::ZERO, 0.0, false));
@@ -105,7 +106,10 @@ fn shipped_scenes() -> Vec<PathBuf> {
 fn shipped_scenes_load_and_round_trip() {
     let files = shipped_scenes();
     let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
-    let expected = ["balloon", "bounce", "chain", "flag", "jelly", "net", "pendulum", "pile", "rope", "tear"];
+    let expected = [
+        "balloon", "bounce", "chain", "drape", "drum", "flag", "jelly", "net", "pendulum", "pile", "rope",
+        "tear",
+    ];
     assert_eq!(names, expected.map(|name| format!("{name}.scene.ron")));
     for file in files {
         let text = std::fs::read_to_string(&file).unwrap();

@@ -55,8 +55,8 @@ fn spawning_makes_ordinary_entities_in_file_order() {
         assert!(up.distance(normal) < 1e-6, "{up:?} instead of {normal}");
     }
     assert_eq!(world.get::<Transform>(spawned.planes[0]).unwrap().translation, Vec3::NEG_Y);
-    let collider = world.get::<PlaneCollider>(spawned.planes[0]);
-    assert_eq!(collider, Some(&PlaneCollider { restitution: 0.25, friction: 0.75 }));
+    let collider = world.get::<ParticleCollider>(spawned.planes[0]);
+    assert_eq!(collider, Some(&ParticleCollider { restitution: 0.25, friction: 0.75, ..default() }));
 }
 
 #[test]
@@ -76,7 +76,8 @@ fn settings_become_resources() {
     assert_eq!(environment.effective_viscosity(), 0.5);
     let settings = SolverSettings { integrator: Integrator::RungeKutta4, substeps: SubstepMode::Fixed(3) };
     assert_eq!(*world.resource::<SolverSettings>(), settings);
-    let collisions = CollisionSettings { ground: false, particles: true, restitution: 0.25, friction: 0.75 };
+    let collisions =
+        CollisionSettings { ground: false, particles: true, restitution: 0.25, friction: 0.75, ..default() };
     assert_eq!(*world.resource::<CollisionSettings>(), collisions);
     let tick = Duration::from_millis(500);
     assert_eq!(world.resource::<Time<Fixed>>().timestep(), tick);

@@ -6,7 +6,7 @@ use std::f32::consts::TAU;
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy_mass_spring::nets::{Balloon, Cloth, Rope, RopeMaterial};
 use bevy_mass_spring::solver::{
-    Gusts, Integrator, PairRules, Plane, Solver, Spring, State, StepSettings, SubstepMode,
+    Collider, Gusts, Integrator, PairRules, Solver, Spring, State, StepSettings, SubstepMode,
 };
 
 use crate::common::bodies::{add_net, solver_bits};
@@ -23,10 +23,10 @@ fn pile() -> Solver {
         let radius = [0.1, 0.08, 0.05][usize::from(ball % 3)];
         solver.add_particle(place, Vec3::NEG_Y * (2.0 + layer), 1.0 / (0.3 + radius), radius).unwrap();
     }
-    let mut floor = Plane::resting(Vec3::ZERO, Vec3::Y, 0.1, 0.4);
+    let mut floor = Collider::half_space(Vec3::ZERO, Vec3::Y, 0.1, 0.4);
     floor.target.rotation *= Quat::from_rotation_z(0.01);
-    solver.add_plane(floor);
-    solver.add_plane(Plane::resting(Vec3::X * -0.1, Vec3::X, 0.1, 0.4));
+    solver.add_collider(floor);
+    solver.add_collider(Collider::half_space(Vec3::X * -0.1, Vec3::X, 0.1, 0.4));
     solver
 }
 
@@ -55,7 +55,7 @@ fn pile_with_ropes() -> Solver {
 /// A soft rope and one so stiff that `Auto` runs two schemes, on one anchor, with a few balls below.
 fn soft_and_stiff() -> Solver {
     let mut solver = Solver::default();
-    solver.add_plane(Plane::resting(Vec3::NEG_Y * 0.4, Vec3::Y, 0.1, 0.4));
+    solver.add_collider(Collider::half_space(Vec3::NEG_Y * 0.4, Vec3::Y, 0.1, 0.4));
     let anchor = solver.add_particle(Vec3::Y, Vec3::ZERO, f32::INFINITY, 0.0).unwrap();
     for (stiffness, direction) in [(500.0, Vec3::X), (1e8, Vec3::NEG_X)] {
         let mut last = anchor;
@@ -81,7 +81,7 @@ fn soft_and_stiff() -> Solver {
 /// A rope and a cloth that hang and resist bending, and a balloon that falls, above a floor.
 fn nets() -> Solver {
     let mut solver = Solver::default();
-    solver.add_plane(Plane::resting(Vec3::NEG_Y * 0.6, Vec3::Y, 0.1, 0.4));
+    solver.add_collider(Collider::half_space(Vec3::NEG_Y * 0.6, Vec3::Y, 0.1, 0.4));
     let rope = Rope::new(1.0).with_segments(12).with_material(RopeMaterial::NYLON);
     add_net(&mut solver, &rope.topology().unwrap(), Vec3::new(-2.0, 1.0, 0.0), &[0, 1]);
     let cloth = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Z, UVec2::new(5, 4));
@@ -112,7 +112,7 @@ fn interfere(solver: &mut Solver, settings: &mut StepSettings, tick: u32) {
         30 => solver.set_radius(3, 1.5 * solver.radius(3)).unwrap(),
         32 => solver.inputs_mut().pinned.clear(),
         33 => solver.set_mass(last, 1.0).unwrap(),
-        60 => solver.inputs_mut().planes[0].start = solver.inputs_mut().planes[0].target,
+        60 => solver.inputs_mut().colliders[0].start = solver.inputs_mut().colliders[0].target,
         _ => {}
     }
     interfere_with_springs(solver, tick);

@@ -1,7 +1,7 @@
 //! Impacts in the pure solver beside their closed forms: restitution, momentum, and which of the two moves.
 
 use bevy::math::{Quat, Vec3, Vec3Swizzles};
-use bevy_mass_spring::solver::{ContactPartner, Plane, Pose};
+use bevy_mass_spring::solver::{Collider, ContactPartner, Material, Pose, Shape};
 use bevy_mass_spring::solver::{Integrator, PairRules, Solver, StepSettings};
 
 use crate::common::bodies::{
@@ -283,10 +283,10 @@ fn a_moving_plane_pushes_with_its_velocity() {
     for scheme in Integrator::named() {
         for restitution in [0.0, 0.5, 1.0] {
             let speed = 3.0;
-            let mut plane = Plane::resting(Vec3::Y * -0.02, Vec3::Y, restitution, 0.0);
+            let mut plane = Collider::half_space(Vec3::Y * -0.02, Vec3::Y, restitution, 0.0);
             plane.target.point += Vec3::Y * speed / 60.0;
             let mut state = world([Ball::at(Vec3::Y * 0.1)]);
-            state.add_plane(plane);
+            state.add_collider(plane.clone());
             state.step(&floating(scheme, 0.0));
             let expected = Vec3::Y * (1.0 + restitution) * speed;
             // (target − start) / dt of points near 0.05 m: a rounding of 4e-9 m is 2e-7 m/s.
@@ -302,7 +302,7 @@ fn a_lift_carries_a_resting_ball() {
     let mut state = with_ground(world([Ball::at(Vec3::Y * 0.1)]), 0.0, 0.0);
     let settings = falling(Integrator::SemiImplicitEuler, 4);
     for tick in 0..60_u16 {
-        let plane = &mut state.inputs_mut().planes[0];
+        let plane = &mut state.inputs_mut().colliders[0];
         plane.start = plane.target;
         plane.target.point = Vec3::Y * f32::from(tick + 1) / 60.0;
         state.step(&settings);
@@ -317,13 +317,14 @@ fn a_rotated_plane_pushes_along_its_normal() {
     let rotation = Quat::from_axis_angle(Vec3::new(2.0, -1.0, 2.0) / 3.0, 1.9);
     let normal = rotation * Vec3::Y;
     let pose = Pose { point: Vec3::new(0.5, -1.0, 2.0), rotation };
-    let plane = Plane { start: pose, target: pose, restitution: 0.5, friction: 0.0 };
+    let material = Material { restitution: 0.5, ..Material::default() };
+    let plane = Collider { material, ..Collider::resting(Shape::HALF_SPACE, pose) };
     let tangent = normal.any_orthonormal_vector();
     let mut state = world([Ball {
         velocity: tangent * 0.7 - normal * 2.0,
         ..Ball::at(pose.point + tangent * 0.4 + normal * 0.3)
     }]);
-    state.add_plane(plane);
+    state.add_collider(plane);
     step_past_contact(&mut state, &floating(Integrator::SemiImplicitEuler, 0.0), 60);
     assert!((velocity(&state, 0) - (tangent * 0.7 + normal)).length() < 1e-6);
     assert!((state.outputs().contacts[0].normal - normal).length() < 1e-6);

@@ -58,8 +58,9 @@ fn collisions_are_switched_off_and_on_without_losing_their_values() {
         particles: false,
         restitution: 1.0,
         friction: 0.0,
+        ..default()
     });
-    app.world_mut().spawn(PlaneCollider { restitution: 1.0, friction: 0.0 });
+    app.world_mut().spawn(ParticleCollider { restitution: 1.0, friction: 0.0, ..default() });
     let sinking = spawn(&mut app, 1.0, 0.25, Vec3::Y);
     app.world_mut().entity_mut(sinking).insert(ParticleVelocity(Vec3::NEG_Y));
     let (left, right) = (
@@ -96,7 +97,8 @@ fn contacts_are_reported_with_the_impulse_of_the_tick() {
     for settings in [scheme(Integrator::VelocityVerlet, 1), scheme(Integrator::SemiImplicitEuler, 8)] {
         let mut app = app();
         app.insert_resource(settings).add_message::<Contact>();
-        let ground = app.world_mut().spawn(PlaneCollider { restitution: 0.5, friction: 0.2 }).id();
+        let ground =
+            app.world_mut().spawn(ParticleCollider { restitution: 0.5, friction: 0.2, ..default() }).id();
         let ball = spawn(&mut app, 3.0, 0.1, Vec3::new(0.5, 0.1, -2.0));
         spawn(&mut app, 1.0, 0.1, Vec3::Y * 50.0);
         run(&mut app, 3);
@@ -138,7 +140,7 @@ fn particles_report_what_they_hit() {
 #[test]
 fn contacts_are_not_collected_unless_requested() {
     let mut app = app();
-    app.world_mut().spawn(PlaneCollider::default());
+    app.world_mut().spawn(ParticleCollider::default());
     spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
     run(&mut app, 3);
     assert!(!app.world().contains_resource::<Messages<Contact>>());
@@ -191,7 +193,7 @@ fn single_steps_run_one_tick_each_while_paused() {
 fn restart_scene() -> (App, Vec<Entity>) {
     let mut app = app();
     app.insert_resource(scheme(Integrator::SemiImplicitEuler, 4));
-    app.world_mut().spawn(PlaneCollider { restitution: 0.4, friction: 0.3 });
+    app.world_mut().spawn(ParticleCollider { restitution: 0.4, friction: 0.3, ..default() });
     let mut all = spawn_rope(&mut app, Vec3::Y * 0.7, 9, 0.1, |spring| spring.with_stiffness(300.0));
     for number in 0..6_u8 {
         let ball = spawn(&mut app, 1.0, 0.1, Vec3::new(0.02, 0.5 + 0.3 * f32::from(number), 0.01));

@@ -158,7 +158,7 @@ fn a_disabled_spring_goes_with_its_particle() {
 #[test]
 fn a_disabled_plane_touches_nothing() {
     let mut app = app();
-    let plane = app.world_mut().spawn((PlaneCollider::default(), Transform::default())).id();
+    let plane = app.world_mut().spawn((ParticleCollider::default(), Transform::default())).id();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
     run(&mut app, 10);
     assert_eq!((position(&app, ball), report(&app).contacts), (Vec3::Y * 0.1, 1));
@@ -174,7 +174,7 @@ fn a_disabled_plane_touches_nothing() {
     app.world_mut().entity_mut(plane).insert(Disabled);
     app.world_mut().despawn(plane);
     let plane =
-        app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, -2.0, 0.0), Disabled));
+        app.world_mut().spawn((ParticleCollider::default(), Transform::from_xyz(0.0, -2.0, 0.0), Disabled));
     let plane = plane.id();
     run(&mut app, 1);
     assert_eq!(report(&app).contacts, 0);

@@ -83,7 +83,8 @@ fn a_scene_far_away_moves_as_one_here() {
         let particles = cloth(&mut app, corner + Vec3::Y * 0.5, 6, 200.0);
         let ball = spawn(&mut app, 0.5, 0.25, corner + Vec3::new(0.25, 1.0, 0.25));
         // Its own point is where the world has its origin.
-        app.world_mut().spawn((PlaneCollider { restitution: 0.3, friction: 0.4 }, Transform::default()));
+        app.world_mut()
+            .spawn((ParticleCollider { restitution: 0.3, friction: 0.4, ..default() }, Transform::default()));
         app.add_message::<Contact>();
         (app, particles.into_iter().chain([ball]).collect::<Vec<_>>())
     };
@@ -116,7 +117,7 @@ fn a_slope_far_away_holds() {
     let slope = Quat::from_rotation_z(0.5);
     let along = slope * Vec3::X * 1e5;
     app.world_mut().spawn((
-        PlaneCollider { restitution: 0.0, friction: 5.0 },
+        ParticleCollider { restitution: 0.0, friction: 5.0, ..default() },
         Transform::from_translation(along).with_rotation(slope),
     ));
     let normal = slope * Vec3::Y;

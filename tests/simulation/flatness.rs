@@ -30,7 +30,7 @@ fn settle(app: &mut App, entity: Entity, bundle: impl Bundle) {
 fn scene(app: &mut App) -> Vec<Entity> {
     app.world_mut().resource_mut::<Environment>().gravity = Vec3::new(0.0, -9.81, 3.0);
     let tilted = Transform::from_xyz(0.0, 0.0, -4.0).with_rotation(Quat::from_rotation_x(0.3));
-    app.world_mut().spawn((PlaneCollider { restitution: 0.2, friction: 0.5 }, tilted));
+    app.world_mut().spawn((ParticleCollider { restitution: 0.2, friction: 0.5, ..default() }, tilted));
     let rope = spawn_rope(app, Vec3::new(0.0, 1.0, 0.1), 10, 0.1, |spring| {
         spring.with_stiffness(300.0).with_damping(0.2)
     });
@@ -105,13 +105,13 @@ fn layers_change_nothing_in_the_plane() {
             }
             if !is_layered {
                 app.world_mut().resource_mut::<Environment>().gravity.z = 0.0;
-                let mut planes = app.world_mut().query_filtered::<&mut Transform, With<PlaneCollider>>();
+                let mut planes = app.world_mut().query_filtered::<&mut Transform, With<ParticleCollider>>();
                 planes.iter_mut(app.world_mut()).for_each(|mut plane| *plane = Transform::default());
             }
             (app, all)
         });
         // A tilted plane is where it cuts z = 0: here y = −(−4) tan 0.3, hence it is moved to where it does so at 0.
-        let mut planes = layered.0.world_mut().query_filtered::<&mut Transform, With<PlaneCollider>>();
+        let mut planes = layered.0.world_mut().query_filtered::<&mut Transform, With<ParticleCollider>>();
         planes.iter_mut(layered.0.world_mut()).for_each(|mut plane| plane.translation.z = 0.0);
         for tick in 0..120 {
             run(&mut layered.0, 1);
@@ -183,4 +183,31 @@ fn two_dimensions_far_away() {
         }
         assert!(app.world().resource::<TickReport>().faults == 0);
     }
+}
+
+/// Balls in one place, and a spring whose ends are in one place, part within the plane of motion.
+#[test]
+fn what_is_in_one_place_parts_in_the_plane() {
+    let (radius, rest_length) = (0.1, 0.5);
+    let mut app = flat_app(scheme(Integrator::SemiImplicitEuler, 8));
+    app.world_mut().resource_mut::<Environment>().gravity = Vec3::ZERO;
+    let mut pairs = Vec::new();
+    for number in 0..20_u8 {
+        let place = Vec3::X * f32::from(number);
+        pairs.push([spawn(&mut app, 1.0, radius, place), spawn(&mut app, 1.0, radius, place)]);
+    }
+    let ends = [-1.0; 2].map(|x| spawn(&mut app, 1.0, 0.0, Vec3::X * x));
+    // At critical damping for the reduced mass of 0.5 kg, in the medium only.
+    let spring = Spring::new(ends[0], ends[1], rest_length).with_stiffness(50.0).with_damping(10.0);
+    app.world_mut().spawn(spring);
+    run(&mut app, 300);
+    let apart = |[one, other]: [Entity; 2]| {
+        let place = |of| app.world().get::<Transform>(of).unwrap().translation.truncate();
+        place(one).distance(place(other))
+    };
+    for pair in pairs {
+        assert!(apart(pair) >= 2.0 * radius - 1e-5, "{}", apart(pair));
+    }
+    // e^(-10 · 4.7) of the way is left.
+    assert!((apart(ends) - rest_length).abs() < 1e-5, "{}", apart(ends));
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use bevy::math::{DVec3, Quat, Vec3};
 use bevy_mass_spring::solver::{
-    Gas, GasReading, Integrator, Plane, Pose, Solver, SolverError, Spring, StepSettings, SubstepMode,
+    Collider, Gas, GasReading, Integrator, Pose, Solver, SolverError, Spring, StepSettings, SubstepMode,
     enclosed_volume,
 };
 
@@ -213,14 +213,14 @@ fn pressure_times_volume_stays_while_it_is_squeezed() {
     for scheme in [Integrator::Auto, Integrator::ImplicitEuler, Integrator::VelocityVerlet] {
         let mut balloon = balloon(0.5, 200.0, 1e-3, 500.0);
         let content = 500.0 * f64::from(balloon.solver.gas(0).rest_volume);
-        let floor = Plane::resting(Vec3::NEG_Y * 0.5, Vec3::Y, 0.0, 0.3);
-        let ceiling = Plane::resting(Vec3::Y * 0.7, Vec3::NEG_Y, 0.0, 0.3);
-        balloon.solver.add_plane(floor);
-        balloon.solver.add_plane(ceiling);
+        let floor = Collider::half_space(Vec3::NEG_Y * 0.5, Vec3::Y, 0.0, 0.3);
+        let ceiling = Collider::half_space(Vec3::Y * 0.7, Vec3::NEG_Y, 0.0, 0.3);
+        balloon.solver.add_collider(floor);
+        balloon.solver.add_collider(ceiling);
         let settings = StepSettings { gravity: Vec3::NEG_Y * 9.81, ..settings(scheme) };
         let mut volumes = (f64::INFINITY, 0.0_f64);
         for tick in 0..150 {
-            let planes = &mut balloon.solver.inputs_mut().planes;
+            let planes = &mut balloon.solver.inputs_mut().colliders;
             planes[1].start = planes[1].target;
             let height = 0.7 - 0.005 * tick as f32;
             planes[1].target =

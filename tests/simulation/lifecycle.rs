@@ -154,7 +154,7 @@ fn the_radius_may_change_while_it_runs() {
     let mut app = app();
     app.insert_resource(scheme(Integrator::SemiImplicitEuler, 4));
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
-    app.world_mut().spawn(PlaneCollider::default());
+    app.world_mut().spawn(ParticleCollider::default());
     run(&mut app, 10);
     assert_eq!(position(&app, ball).y, 0.1);
     app.world_mut().get_mut::<Particle>(ball).unwrap().radius = 0.25;
@@ -225,14 +225,14 @@ fn a_spring_spawned_before_its_ends_are_particles_waits_for_them() {
 fn planes_may_be_spawned_and_despawned() {
     let mut app = app();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
-    let ground = app.world_mut().spawn(PlaneCollider::default()).id();
+    let ground = app.world_mut().spawn(ParticleCollider::default()).id();
     run(&mut app, 20);
     assert_eq!(position(&app, ball).y, 0.1);
     app.world_mut().despawn(ground);
     run(&mut app, 20);
     assert!(position(&app, ball).y < 0.0, "no plane holds it");
     let height = position(&app, ball).y.floor();
-    app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, height - 1.0, 0.0)));
+    app.world_mut().spawn((ParticleCollider::default(), Transform::from_xyz(0.0, height - 1.0, 0.0)));
     run(&mut app, 200);
     assert!((position(&app, ball).y - (height - 0.9)).abs() < 1e-6);
 }

@@ -11,6 +11,9 @@ mod breaking;
 mod cables;
 mod caches;
 mod coincidence;
+mod collider_entities;
+mod collider_nets;
+mod colliders;
 mod collisions;
 #[path = "../common/mod.rs"]
 mod common;

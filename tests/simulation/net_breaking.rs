@@ -15,12 +15,19 @@ use crate::common::{app, bits, join, plain, report, run, spawn, spawn_pinned};
 #[derive(Resource, Default)]
 struct Seen(Vec<Broke>);
 
+/// Its messages.
+#[derive(Resource, Default)]
+struct Read(Vec<Broke>);
+
 fn watching() -> App {
     let mut app = app();
     plain(&mut app);
     app.insert_resource(SolverSettings::default());
     app.world_mut().resource_mut::<Environment>().gravity_enabled = true;
-    app.init_resource::<Seen>();
+    app.init_resource::<Seen>().init_resource::<Read>();
+    app.add_systems(Last, |mut messages: MessageReader<Broke>, mut read: ResMut<Read>| {
+        read.0.extend(messages.read());
+    });
     app.add_observer(|broke: On<Broke>, mut seen: ResMut<Seen>| seen.0.push(*broke));
     app
 }
@@ -59,6 +66,7 @@ fn a_spring_breaks_and_comes_back() {
     run(&mut app, 20);
     assert_eq!((seen(&app).len(), seen(&app)[0].entity, report(&app).broken), (1, spring, 1));
     assert!((12.0..12.6).contains(&seen(&app)[0].tension), "{:?}", seen(&app)[0]);
+    assert_eq!(app.world().resource::<Read>().0, seen(&app), "messages say the same");
     assert!(app.world().get::<Broken>(spring).is_some());
     let (tick, fallen) = (seen(&app)[0].tick, bits(&app, bob));
     run(&mut app, 40);
@@ -102,6 +110,7 @@ fn a_rope_breaks_in_two() {
     assert_eq!(seen(&app).len(), 1, "{:?}", seen(&app));
     let Broke { entity, pieces: count, spring, tension, .. } = seen(&app)[0];
     assert_eq!((entity, count, report(&app).broken), (rope, Some(2), 1));
+    assert_eq!(app.world().resource::<Read>().0, seen(&app), "messages say the same");
     assert!(tension > 15.0);
     let broken = spring.unwrap();
     assert_eq!(net(&app, rope).broken(), [broken]);

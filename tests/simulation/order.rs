@@ -73,9 +73,9 @@ fn spawn(app: &mut App, things: &[(u64, Thing)], known: &mut Vec<(u64, Entity)>,
                 let spring = Spring::new(find(ends[0]), find(ends[1]), length);
                 app.world_mut().spawn(spring.with_stiffness(200.0).with_damping(0.1))
             }
-            Thing::Plane(transform) => {
-                app.world_mut().spawn((PlaneCollider { restitution: 0.1, friction: 0.4 }, transform))
-            }
+            Thing::Plane(transform) => app
+                .world_mut()
+                .spawn((ParticleCollider { restitution: 0.1, friction: 0.4, ..default() }, transform)),
         };
         if numbered {
             entity.insert(SimulationOrder(number));

@@ -83,7 +83,7 @@ fn a_free_net_keeps_its_momentum() {
 #[test]
 fn a_dropped_ball_peaks_in_the_ratio_of_restitution_squared() {
     let mut app = app();
-    app.world_mut().spawn(PlaneCollider { restitution: 0.8, friction: 0.0 });
+    app.world_mut().spawn(ParticleCollider { restitution: 0.8, friction: 0.0, ..default() });
     let ball = spawn(&mut app, 2.0, 0.1, Vec3::Y * 1.1);
     let (mut peaks, mut highest, mut rising) = (vec![1.0], 0.0_f32, false);
     while peaks.len() < 6 {
@@ -109,7 +109,7 @@ fn a_dropped_ball_peaks_in_the_ratio_of_restitution_squared() {
 #[test]
 fn particles_of_a_plane_stay_in_it() {
     let mut app = app();
-    app.world_mut().spawn(PlaneCollider { restitution: 0.5, friction: 0.5 });
+    app.world_mut().spawn(ParticleCollider { restitution: 0.5, friction: 0.5, ..default() });
     let mut all = spawn_rope(&mut app, Vec3::new(-0.3, 0.6, 0.0), 10, 0.1, |spring| spring);
     for number in 0..5_u8 {
         all.push(spawn(

@@ -181,7 +181,7 @@ fn a_plane_under_a_moving_parent_pushes() {
     let mut app = plain_app();
     app.world_mut().resource_mut::<CollisionSettings>().ground = true;
     let parent = app.world_mut().spawn(Transform::default()).id();
-    app.world_mut().spawn((PlaneCollider::default(), ChildOf(parent)));
+    app.world_mut().spawn((ParticleCollider::default(), ChildOf(parent)));
     let ball = spawn(&mut app, 1.0, 0.25, Vec3::Y * 0.25);
     run(&mut app, 2);
     for tick in 1..=8_u8 {

@@ -176,7 +176,7 @@ proptest! {
 
 /// Spawns the net, falling onto a ground, with the pins and markers whose bits are set.
 fn spawn_net(app: &mut App, net: &Net, pins: u16, markers: u16) -> Vec<Entity> {
-    app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, -0.5, 0.0)));
+    app.world_mut().spawn((ParticleCollider::default(), Transform::from_xyz(0.0, -0.5, 0.0)));
     let mut all = Vec::new();
     for (slot, (position, velocity, mass)) in net.particles.iter().enumerate() {
         let particle =

@@ -1,7 +1,7 @@
 //! Resting contact: balls and a column at rest, and Coulomb friction beside its closed forms.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{self, Integrator, PairRules, Plane, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Collider, Integrator, PairRules, Solver, StepSettings};
 
 use crate::common::bodies::{Ball, GRAVITY, falling, position, velocity, with_ground, world};
 
@@ -144,7 +144,7 @@ fn a_sliding_block_stops_where_friction_says() {
 fn on_incline(slope: f32, friction: f32) -> Solver {
     let normal = Vec3::new(slope, 1.0, 0.0).normalize();
     let mut state = world([Ball::at(normal * 0.1)]);
-    state.add_plane(Plane::resting(Vec3::ZERO, normal, 0.0, friction));
+    state.add_collider(Collider::half_space(Vec3::ZERO, normal, 0.0, friction));
     state
 }
 
@@ -180,7 +180,7 @@ fn a_ball_rests_on_any_plane() {
                 let normal = Vec3::new(slope, 1.0, 0.0).normalize();
                 let point = Vec3::new(0.3, height, 0.2);
                 let mut state = world([Ball::at(point + normal * 0.1)]);
-                state.add_plane(Plane::resting(point, normal, 0.0, 1.05 * slope));
+                state.add_collider(Collider::half_space(point, normal, 0.0, 1.05 * slope));
                 let start = position(&state, 0);
                 for tick in 0..300 {
                     state.step(&falling(scheme, 4));

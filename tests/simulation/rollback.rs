@@ -18,7 +18,7 @@ struct Saved {
     force: Option<AppliedForce>,
     quarantined: Option<Quarantined>,
     spring: Option<Spring>,
-    plane: Option<PlaneCollider>,
+    plane: Option<ParticleCollider>,
     parent: Option<ChildOf>,
 }
 
@@ -47,7 +47,7 @@ impl Moment {
             force: entity.get().copied(),
             quarantined: entity.get().copied(),
             spring: entity.get().copied(),
-            plane: entity.get().copied(),
+            plane: entity.get().cloned(),
             parent: entity.get().cloned(),
         };
         let entities = entities.map(|entity| (entity.id(), save(entity))).collect();
@@ -98,7 +98,7 @@ impl Saved {
         put(entity, self.force);
         put(entity, self.quarantined);
         put(entity, spring);
-        put(entity, self.plane);
+        put(entity, self.plane.clone());
         put(entity, parent);
     }
 }
@@ -120,7 +120,7 @@ fn mispredict(stage: &mut Stage, tick: u32) {
                 .map(|place| spawn(app, 0.2, 0.05, place));
             join(app, Spring::new(first, second, 0.1));
             join(app, Spring::new(first, stage.names.particles[2], 0.4));
-            app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, -0.1, 0.0)));
+            app.world_mut().spawn((ParticleCollider::default(), Transform::from_xyz(0.0, -0.1, 0.0)));
         }
         4 => {
             for number in [1, 4] {

@@ -2,7 +2,7 @@
 
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{
-    self, Integrator, PairRules, PinnedMotion, Plane, Solver, StepSettings, SubstepMode,
+    self, Collider, Integrator, PairRules, PinnedMotion, Solver, StepSettings, SubstepMode,
 };
 
 use crate::common::reference::Reference;
@@ -121,7 +121,7 @@ fn a_contact_elsewhere_changes_nothing() {
             ..StepSettings::default()
         };
         let (mut alone, mut both) = (swinging_chain(), swinging_chain());
-        both.add_plane(Plane::resting(Vec3::Y * -20.0, Vec3::Y, 0.8, 0.1));
+        both.add_collider(Collider::half_space(Vec3::Y * -20.0, Vec3::Y, 0.8, 0.1));
         both.add_particle(Vec3::new(100.0, -19.8, 0.0), Vec3::Y * -3.0, 1.0, 0.1).unwrap();
         let mut contacts = 0;
         for tick in 0..100 {

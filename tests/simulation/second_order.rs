@@ -1,7 +1,7 @@
 //! What TR-BDF2 is for: slow motions of stiff nets, which keep their energy; and what `Auto` makes of it.
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::{self, Integrator, Plane, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::solver::{self, Collider, Integrator, Solver, StepSettings, SubstepMode};
 
 const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
@@ -209,7 +209,7 @@ fn dampers_without_springs_meet_the_closed_form() {
 fn an_island_that_touches_something_takes_steps_of_backward_euler() {
     let scene = || {
         let mut state = rope(4, 0.1, [0.1, 0.1], 1e6, 0.0);
-        state.add_plane(Plane::resting(Vec3::Y * -0.2, Vec3::Y, 0.0, 0.0));
+        state.add_collider(Collider::half_space(Vec3::Y * -0.2, Vec3::Y, 0.0, 0.0));
         state
     };
     // The end touches the ground already: radius 0, height −0.2 m.

@@ -149,7 +149,7 @@ fn a_snapshot_of_another_scene_is_refused() {
     stage.run_to(5);
     let snapshot = Snapshot::take(stage.app.world());
     let counts = [stage.names.particles.len(), stage.names.springs.len(), 2];
-    for (index, what) in ["particles", "springs", "planes"].into_iter().enumerate() {
+    for (index, what) in ["particles", "springs", "colliders"].into_iter().enumerate() {
         let [mut other, mut undisturbed] = [(); 2].map(|()| {
             let mut other = Stage::new(Scene::PileWithSprings, Integrator::Auto);
             let (first, second) = (other.names.particles[0], other.names.particles[20]);
@@ -157,7 +157,7 @@ fn a_snapshot_of_another_scene_is_refused() {
             match index {
                 0 => world.spawn((Particle::default(), Transform::from_xyz(9.0, 9.0, 9.0))),
                 1 => world.spawn(Spring::new(first, second, 0.5)),
-                _ => world.spawn(PlaneCollider::default()),
+                _ => world.spawn(ParticleCollider::default()),
             };
             other.run_to(3);
             other
@@ -198,11 +198,11 @@ fn restoring_leaves_later_entities_alone() {
 #[test]
 fn restoring_leaves_later_planes_alone() {
     let mut app = app();
-    let ground = app.world_mut().spawn(PlaneCollider::default()).id();
+    let ground = app.world_mut().spawn(ParticleCollider::default()).id();
     let ball = spawn(&mut app, 1.0, 0.1, Vec3::Y * 0.1);
     run(&mut app, 10);
     let snapshot = Snapshot::take(app.world());
-    let step = app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, 0.05, 0.0))).id();
+    let step = app.world_mut().spawn((ParticleCollider::default(), Transform::from_xyz(0.0, 0.05, 0.0))).id();
     for _ in 0..2 {
         snapshot.restore(app.world_mut());
         run(&mut app, 5);

@@ -82,7 +82,7 @@ impl Stage {
             app.world_mut().spawn(Transform::default());
         }
         let rope = spawn_rope(&mut app, Vec3::Z * 50.0, 5, 1.0, |spring| spring);
-        let ground = app.world_mut().spawn(PlaneCollider::default()).id();
+        let ground = app.world_mut().spawn(ParticleCollider::default()).id();
         run(&mut app, 2);
         for entity in rope.into_iter().chain([ground]) {
             app.world_mut().despawn(entity);
@@ -170,7 +170,7 @@ impl Stage {
             Transform::default(),
             Transform::from_xyz(-0.15, 0.0, 0.0).with_rotation(Quat::from_rotation_z(-1.5)),
         ] {
-            let plane = PlaneCollider { restitution: 0.2, friction: 0.4 };
+            let plane = ParticleCollider { restitution: 0.2, friction: 0.4, ..default() };
             self.names.planes.push(self.app.world_mut().spawn((plane, transform)).id());
         }
         for ball in 0..count {
@@ -233,7 +233,7 @@ impl Stage {
         self.hang(last, start + Vec3::Y * 0.1, Vec3::Y, 4, 300.0);
         self.particle(0.5, 0.1, Vec3::new(0.2, 2.0, 0.2));
         let wall = Transform::from_xyz(0.8, 0.0, 0.0).with_rotation(Quat::from_rotation_z(1.5));
-        self.names.planes.push(self.app.world_mut().spawn((PlaneCollider::default(), wall)).id());
+        self.names.planes.push(self.app.world_mut().spawn((ParticleCollider::default(), wall)).id());
     }
 
     /// Despawns some particles, by their numbers.

@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 use bevy_mass_spring::solver::{
-    self, ContactPartner, Integrator, PairRules, Plane, Solver, StepSettings, SubstepMode,
+    self, Collider, ContactPartner, Integrator, PairRules, Solver, StepSettings, SubstepMode,
 };
 
 const GRAVITY: f32 = 9.81;
@@ -41,7 +41,7 @@ fn lattice(size: [usize; 3], inside: impl Fn(Vec3) -> bool, stiffness: f32, heig
             }
         }
     }
-    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.0));
+    state.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.0));
     state
 }
 
@@ -242,7 +242,7 @@ fn a_tower_of_stiff_cubes_stands() {
     for number in 0..3_u8 {
         put(&mut state, &cube, Vec3::Y * 0.2405 * f32::from(number), Vec3::ZERO);
     }
-    state.add_plane(Plane::resting(Vec3::ZERO, Vec3::Y, 0.0, 0.5));
+    state.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.5));
     let settings = colliding(0.0, 0.5, 1.0 / 60.0);
     let before = state.measure(settings.gravity).total_energy();
     let weight = 27.0 * MASS * GRAVITY;
@@ -258,7 +258,7 @@ fn a_tower_of_stiff_cubes_stands() {
     let mut carried = [0.0; 3];
     for contact in &state.outputs().contacts {
         let level = match contact.other {
-            ContactPartner::Plane(_) => 0,
+            ContactPartner::Collider(_) => 0,
             ContactPartner::Particle(other) => contact.slot.max(other) / 27,
         };
         carried[level] += (contact.impulse * contact.normal.y).abs() / settings.time_step;

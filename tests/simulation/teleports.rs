@@ -256,9 +256,9 @@ fn floor(app: &mut App) -> (Vec<Entity>, Vec<Entity>) {
     }
     particles.extend(spawn_rope(app, Vec3::new(0.6, 0.3, 0.0), 8, 0.1, |spring| spring.with_damping(0.3)));
     particles.push(spawn_pinned(app, Vec3::new(-0.5, 0.3, 0.0)));
-    let ground = PlaneCollider { restitution: 0.1, friction: 0.5 };
+    let ground = ParticleCollider { restitution: 0.1, friction: 0.5, ..default() };
     let tilted = Transform::from_xyz(-1.0, 0.0, 0.0).with_rotation(Quat::from_rotation_z(-0.8));
-    let planes = [(ground, Transform::default()), (ground, tilted)];
+    let planes = [(ground.clone(), Transform::default()), (ground, tilted)];
     (particles, planes.map(|plane| app.world_mut().spawn(plane).id()).to_vec())
 }
 
@@ -356,7 +356,8 @@ fn single_entities_jump_by_command() {
     app.world_mut().resource_mut::<CollisionSettings>().ground = true;
     let rope =
         spawn_rope(&mut app, Vec3::ZERO, 2, 1.0, |spring| spring.with_stiffness(0.0).with_damping(9.0));
-    let plane = app.world_mut().spawn((PlaneCollider::default(), Transform::from_xyz(0.0, -9.0, 0.0))).id();
+    let plane =
+        app.world_mut().spawn((ParticleCollider::default(), Transform::from_xyz(0.0, -9.0, 0.0))).id();
     let ball = spawn(&mut app, 1.0, 0.5, Vec3::new(9.0, 3.5, 0.0));
     run(&mut app, 2);
     Teleport::entity(rope[0], Vec3::NEG_X).apply(app.world_mut());

@@ -27,7 +27,7 @@ enum Outcome {
 }
 
 fn main() -> ExitCode {
-    let tests: [(&str, fn() -> Outcome); 7] = [
+    let tests: [(&str, fn() -> Outcome); 8] = [
         ("left_drag_moves_the_anchor_and_the_chain_follows", left_drag_moves_the_anchor),
         ("ctrl_drag_moves_the_anchor_from_anywhere", ctrl_drag_moves_the_anchor),
         ("a_free_ball_is_pulled_and_let_go", a_free_ball_is_pulled),
@@ -35,6 +35,7 @@ fn main() -> ExitCode {
         ("keys_start_toggle_and_restart", keys_control),
         ("what_is_typed_into_the_panel_stays_there", typing_stays_in_the_panel),
         ("the_picture_shows_the_chain", picture::shows_the_chain),
+        ("the_picture_of_a_crowd_is_that_of_ropes", picture::shows_a_crowd_as_ropes),
     ];
     let filter: Vec<String> =
         std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
@@ -197,7 +198,7 @@ fn keys_control() -> Outcome {
 }
 
 /// The field with the mass in the panel, in pixels.
-const MASS_FIELD: Vec2 = Vec2::new(1176.0, 302.0);
+const MASS_FIELD: Vec2 = Vec2::new(1180.0, 366.0);
 
 fn typing_stays_in_the_panel() -> Outcome {
     let mut viewer = Viewer::open(None);

@@ -1,4 +1,4 @@
-//! The appearance of particles, springs and planes, the same for every scene, file and preset.
+//! The appearance of particles, springs, nets and planes, the same for every scene, file and preset.
 //!
 //! A particle's look is a child of it, so that the particle's own `Transform` stays the simulation's.
 
@@ -16,6 +16,8 @@ const MASS_STEPS: usize = 9;
 const HALF_STRETCH: f32 = 0.06;
 /// Minimum radius of a drawn ball, m: a radius of 0 is a point.
 const MIN_RADIUS: f32 = 0.012;
+/// Minimum radius of a drawn rope, m.
+const MIN_ROPE_RADIUS: f32 = 0.006;
 /// Maximum distance from the origin, in m, at which anything is drawn.
 const MAX_DISTANCE: f32 = 1e5;
 
@@ -25,7 +27,7 @@ pub fn plugin(app: &mut App) {
         .add_systems(Startup, draw_only_the_grip)
         .add_systems(
             Update,
-            (add_ball_looks, add_link_looks, add_plane_looks, remove_link_looks, update_balls),
+            (add_ball_looks, add_link_looks, add_net_looks, add_plane_looks, remove_link_looks, update_balls),
         )
         .add_systems(
             PostUpdate,
@@ -60,6 +62,8 @@ pub struct Looks {
     anchor: Handle<StandardMaterial>,
     balls: Vec<Handle<StandardMaterial>>,
     links: Vec<Handle<StandardMaterial>>,
+    rope: Handle<StandardMaterial>,
+    surfaces: Vec<Handle<StandardMaterial>>,
     ground_material: Handle<StandardMaterial>,
     grid_material: Handle<StandardMaterial>,
 }
@@ -72,6 +76,21 @@ impl FromWorld for Looks {
         let ground = meshes.add(Plane3d::new(Vec3::Y, Vec2::splat(60.0)));
         let grid = meshes.add(grid_mesh());
         let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
+        let surfaces = [
+            Color::srgb(0.62, 0.14, 0.16),
+            Color::srgb(0.12, 0.36, 0.60),
+            Color::srgb(0.86, 0.70, 0.34),
+            Color::srgb(0.20, 0.48, 0.28),
+        ];
+        // Cloths are seen from both sides.
+        let surface = |color: Color| StandardMaterial {
+            base_color: color,
+            perceptual_roughness: 0.8,
+            double_sided: true,
+            cull_mode: None,
+            ..default()
+        };
+        let surfaces = surfaces.into_iter().map(|color| materials.add(surface(color))).collect();
         let mut paint = |color: Color, roughness: f32| {
             let base = StandardMaterial { base_color: color, perceptual_roughness: roughness, ..default() };
             materials.add(base)
@@ -85,6 +104,7 @@ impl FromWorld for Looks {
             let stretch = 2.0 * share - 1.0;
             rest.mix(if stretch < 0.0 { &push } else { &pull }, stretch.abs())
         };
+        let rope = paint(Color::srgb(0.70, 0.58, 0.38), 0.85);
         let links = shares(STEPS).map(|share| paint(link(share), 0.5)).collect();
         Self {
             sphere,
@@ -94,6 +114,8 @@ impl FromWorld for Looks {
             anchor: paint(Color::srgb(0.85, 0.22, 0.10), 0.3),
             balls,
             links,
+            rope,
+            surfaces,
             ground_material: paint(Color::srgb(0.66, 0.67, 0.66), 0.95),
             grid_material: paint(Color::srgb(0.40, 0.43, 0.46), 0.95),
         }
@@ -186,6 +208,26 @@ fn add_link_looks(looks: Res<Looks>, springs: Query<Entity, Added<Spring>>, mut 
     }
 }
 
+/// Draws ropes as tubes and everything else by its surface.
+fn add_net_looks(
+    looks: Res<Looks>,
+    nets: Query<(Entity, &ParticleNet), Added<ParticleNet>>,
+    mut commands: Commands,
+    mut count: Local<usize>,
+) {
+    for (entity, net) in &nets {
+        let mut entity = commands.entity(entity);
+        if net.topology().triangles.is_empty() {
+            let tube = RopeMesh::default().with_radius(net.radius().max(MIN_ROPE_RADIUS));
+            entity.insert_if_new((tube, MeshMaterial3d(looks.rope.clone())));
+        } else {
+            let surface = looks.surfaces[*count % looks.surfaces.len()].clone();
+            entity.insert_if_new((NetMesh, MeshMaterial3d(surface)));
+            *count += 1;
+        }
+    }
+}
+
 fn remove_link_looks(
     mut removed: RemovedComponents<Spring>,
     links: Query<(Entity, &LinkLook)>,
@@ -204,7 +246,7 @@ fn remove_link_looks(
 fn place_links(
     looks: Res<Looks>,
     springs: Query<&Spring>,
-    particles: Query<(&GlobalTransform, &Particle), Without<LinkLook>>,
+    ends: Query<(&GlobalTransform, Option<&Particle>), (Or<(With<Particle>, With<Part>)>, Without<LinkLook>)>,
     mut links: Query<(
         &LinkLook,
         &mut GlobalTransform,
@@ -216,13 +258,16 @@ fn place_links(
     for (link, mut transform, mut material, mut visibility, mut inherited) in &mut links {
         let placed = springs.get(link.0).ok().and_then(|spring| {
             let [(first, first_particle), (second, second_particle)] =
-                particles.get_many(spring.particles).ok()?;
+                ends.get_many(spring.particles).ok()?;
             let (first, second) = (first.translation(), second.translation());
             let between = second - first;
             let direction = between
                 .try_normalize()
                 .filter(|_| first.abs().max(second.abs()).max_element() < MAX_DISTANCE)?;
-            let thickness = (0.28 * first_particle.radius.min(second_particle.radius)).clamp(0.004, 0.02);
+            let radius =
+                |particle: Option<&Particle>| particle.map_or(f32::INFINITY, |particle| particle.radius);
+            let radius = radius(first_particle).min(radius(second_particle));
+            let thickness = (0.28 * radius).clamp(0.004, 0.02);
             material.set_if_neq(MeshMaterial3d(looks.link(spring, between.length()).clone()));
             Some(Transform {
                 translation: first.midpoint(second),
@@ -242,7 +287,11 @@ fn place_links(
     }
 }
 
-fn add_plane_looks(looks: Res<Looks>, planes: Query<Entity, Added<PlaneCollider>>, mut commands: Commands) {
+fn add_plane_looks(
+    looks: Res<Looks>,
+    planes: Query<Entity, Added<ParticleCollider>>,
+    mut commands: Commands,
+) {
     for plane in &planes {
         commands.entity(plane).insert_if_new(Visibility::default()).with_children(|parts| {
             parts.spawn((Mesh3d(looks.ground.clone()), MeshMaterial3d(looks.ground_material.clone())));

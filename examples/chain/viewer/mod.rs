@@ -9,7 +9,7 @@ pub mod stage;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::scene::{SceneParticle, SpawnedScene};
+use bevy_mass_spring::scene::SpawnedScene;
 
 /// The viewer, on top of `DefaultPlugins` and a [`FirstScene`].
 pub fn plugin(app: &mut App) {
@@ -94,20 +94,26 @@ pub struct Bounds {
 
 impl Bounds {
     fn of(scene: &MassSpringScene) -> Self {
-        let positions = || scene.particles.iter().map(|particle| particle.position);
-        let least = positions().reduce(Vec3::min).unwrap_or_default();
-        let most = positions().reduce(Vec3::max).unwrap_or_default();
+        let layout = scene.layout().unwrap_or_default();
+        let positions = &layout.positions;
+        let least = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
+        let most = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
         let mut middle = least.midpoint(most);
-        let pinned: Vec<f32> = scene
+        let mut pinned: Vec<f32> = scene
             .particles
             .iter()
             .filter(|particle| particle.pinned)
             .map(|particle| particle.position.x)
             .collect();
+        let mut radii: Vec<f32> = scene.particles.iter().map(|particle| particle.radius).collect();
+        for (net, topology) in scene.nets.iter().zip(&layout.topologies) {
+            pinned.extend(net.pinned().iter().map(|particle| topology.positions[*particle as usize].x));
+            radii.extend(std::iter::repeat_n(topology.radius, topology.positions.len()));
+        }
         if !pinned.is_empty() {
             middle.x = pinned.iter().sum::<f32>() / pinned.len() as f32;
         }
-        let reach = |particle: &SceneParticle| middle.distance(particle.position) + particle.radius;
-        Self { middle, radius: scene.particles.iter().map(reach).fold(0.0, f32::max), top: most.y }
+        let reach = positions.iter().zip(radii).map(|(place, radius)| middle.distance(*place) + radius);
+        Self { middle, radius: reach.fold(0.0, f32::max), top: most.y }
     }
 }

@@ -4,21 +4,33 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::{log_slider, slider};
+use crate::frame::{log_slider, slider};
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
 const EXHIBIT: Exhibit = Exhibit {
     name: "Balloon",
-    caption: "Gas holds the membranes out: p V is constant. Helium lifts the red balloon on its string, a hand \
-              rests on the blue one. Let some gas out.",
+    caption: "Gas holds the membranes out: p V is constant. Helium lifts the red balloon on its string, a fist \
+              presses the blue one. Let some gas out.",
     view: View { focus: Vec3::new(0.2, 1.1, 0.0), distance: 5.0, yaw: 0.3, pitch: 0.12 },
 };
 
 const RADIUS: f32 = 0.35;
 
 pub fn plugin(app: &mut App) {
-    app.add_exhibit(EXHIBIT, spawn, draw);
+    app.add_exhibit(EXHIBIT, spawn, draw).add_systems(FixedUpdate, press);
+}
+
+/// What presses the blue balloon, and since when, s.
+#[derive(Component, Default)]
+struct Fist(f32);
+
+/// Up and down.
+fn press(time: Res<Time>, mut fists: Query<(&mut Fist, &mut Transform)>) {
+    for (mut fist, mut transform) in &mut fists {
+        fist.0 += time.delta_secs();
+        transform.translation.y = 1.16 + 0.19 * (1.2 * fist.0).cos();
+    }
 }
 
 fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
@@ -50,10 +62,22 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
         .with_subdivisions(3)
         .with_material(BalloonMaterial { pressure: 60.0, ..material });
     let ball = Balloon { radius: 0.02, ..ball };
-    stage.spawn((ball, NetMesh, blue, Transform::from_xyz(0.8, 0.48, 0.0)));
+    // It is glued to the ground, so that it does not roll away under the fist.
+    let places = ball.topology().map(|topology| topology.positions).unwrap_or_default();
+    let foot = (0..).zip(places).filter(|(_, place)| place.y < -0.9 * 0.45).map(|(number, _)| number);
+    let foot = Part::Particles(foot.collect());
+    let ball = stage.spawn((ball, NetMesh, blue, Transform::from_xyz(0.8, 0.48, 0.0)));
+    stage.spawn((PartOf(ball), foot, Pinned));
     let lead = stage.metal(Color::srgb(0.3, 0.3, 0.33));
     let weight = Mesh3d(stage.meshes.add(Sphere::new(0.18)));
-    stage.spawn((Particle::new(3.0, 0.18), weight, lead, Transform::from_xyz(0.82, 1.9, 0.02)));
+    stage.spawn((
+        Fist::default(),
+        Particle::new(3.0, 0.18),
+        Pinned,
+        weight,
+        lead,
+        Transform::from_xyz(0.8, 1.35, 0.0),
+    ));
 }
 
 fn draw(mut ui: InMut<Ui>, mut balloons: Query<&mut Balloon>, mut environment: ResMut<Environment>) {

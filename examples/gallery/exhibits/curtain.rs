@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::slider;
+use crate::frame::{log_slider, slider};
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
@@ -24,7 +24,8 @@ const RINGS: u32 = 12;
 pub fn plugin(app: &mut App) {
     app.insert_resource(Drawn { target: 0.55, present: 0.0, by_itself: true })
         .add_exhibit(EXHIBIT, spawn, draw)
-        .add_systems(FixedUpdate, move_rings);
+        .add_systems(FixedUpdate, move_rings)
+        .add_systems(PreUpdate, crease);
 }
 
 /// How far the curtain is drawn: 0 is closed, 1 is open.
@@ -39,7 +40,32 @@ struct Drawn {
 #[derive(Component)]
 struct Ring(f32);
 
-fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>) {
+/// A curtain that hangs in a plane yet: nothing would bend it out of that, to one side or the other.
+#[derive(Component)]
+struct Flat;
+
+/// Lays the curtain into shallow folds, one between each two rings, to and fro.
+fn crease(mut curtains: Query<(Entity, &mut ParticleNet), With<Flat>>, mut commands: Commands) {
+    for (entity, mut net) in &mut curtains {
+        let columns = CELLS.x + 1;
+        for (number, place) in (0..).zip(net.positions_mut()) {
+            let [across, below] = [number % columns, CELLS.y - number / columns];
+            let fold = std::f32::consts::PI * (across * RINGS) as f32 / CELLS.x as f32;
+            // Near the rail it is as flat as the rings hold it.
+            place.z += 0.015 * fold.sin() * (below as f32 / 4.0).min(1.0);
+        }
+        commands.entity(entity).remove::<Flat>();
+    }
+}
+
+fn spawn(
+    mut stage: Stage,
+    mut drawn: ResMut<Drawn>,
+    mut environment: ResMut<Environment>,
+    mut collisions: ResMut<CollisionSettings>,
+) {
+    *environment = Environment { air_density: 1.2, ..default() };
+    collisions.particles = false;
     *drawn = Drawn { target: 0.0, present: 0.0, by_itself: true };
     let brass = stage.metal(Color::srgb(0.75, 0.6, 0.3));
     let across = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
@@ -51,12 +77,14 @@ fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>) {
     let velvet = stage.cloth(Color::srgb(0.42, 0.05, 0.10));
     let curtain =
         Cloth::sheet(Rectangle::new(WIDTH, HEIGHT)).with_cells(CELLS).with_material(ClothMaterial {
-            stretch_stiffness: 2e3,
-            bending_stiffness: 4e-5,
+            stretch_stiffness: 1e3,
+            bending_stiffness: 2e-5,
+            // As little as the explicit schemes take in some tens of substeps.
+            retardation_time: 2e-4,
             ..ClothMaterial::COTTON
         });
     let place = Transform::from_xyz(0.0, RAIL - 0.5 * HEIGHT, 0.0);
-    let curtain = stage.spawn((curtain, NetMesh, velvet, place));
+    let curtain = stage.spawn((curtain, Flat, NetMesh, velvet, place));
     let ring_mesh = Mesh3d(stage.meshes.add(Torus { minor_radius: 0.008, major_radius: 0.045 }));
     for ring in 0..=RINGS {
         let share = ring as f32 / RINGS as f32;
@@ -98,7 +126,7 @@ fn draw(mut ui: InMut<Ui>, mut drawn: ResMut<Drawn>, mut curtains: Query<&mut Cl
     }
     for mut curtain in &mut curtains {
         let mut bending = curtain.material.bending_stiffness * 1e6;
-        if super::log_slider(&mut ui, "bending stiffness", "µN·m", &mut bending, 0.1..=2e3) {
+        if log_slider(&mut ui, "bending stiffness", "µN·m", &mut bending, 0.1..=2e3) {
             curtain.material.bending_stiffness = bending * 1e-6;
         }
     }

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::log_slider;
+use crate::frame::log_slider;
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
@@ -38,10 +38,10 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         stage.solid(Cylinder::new(0.06, 2.0), wood.clone(), post);
     }
     let canvas = stage.cloth(Color::srgb(0.83, 0.72, 0.48));
-    let sheet = Cloth::from(Plane3d::new(Vec3::Y, 0.5 * SIZE))
-        .with_cells(CELLS)
-        .with_radius(0.022)
-        .with_material(ClothMaterial { stretch_stiffness: 3e4, ..ClothMaterial::DENIM });
+    let sheet =
+        Cloth::from(Plane3d::new(Vec3::Y, 0.5 * SIZE)).with_cells(CELLS).with_radius(0.022).with_material(
+            ClothMaterial { stretch_stiffness: 3e4, retardation_time: 5e-4, ..ClothMaterial::DENIM },
+        );
     let sheet = stage.spawn((sheet, NetMesh, canvas, Transform::from_xyz(0.0, HEIGHT, 0.0)));
     let hemp = stage.paint(Color::srgb(0.72, 0.62, 0.42));
     for side in [-1.0, 1.0] {
@@ -51,10 +51,12 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             let z = SIZE.y * (0.5 - row as f32 / CELLS.y as f32);
             let edge = stage.spawn((PartOf(sheet), Part::Particle(row * (CELLS.x + 1) + column)));
             let (hook, end) = (HOOK * Vec3::new(side, 1.0, 1.0), Vec3::new(0.5 * side * SIZE.x, HEIGHT, z));
-            let rope = Rope::between(hook, end)
-                .with_segments(10)
-                .with_radius(0.008)
-                .with_material(RopeMaterial { bending_stiffness: 0.0, ..RopeMaterial::HEMP });
+            let rope =
+                Rope::between(hook, end).with_segments(10).with_radius(0.008).with_material(RopeMaterial {
+                    bending_stiffness: 0.0,
+                    retardation_time: 1e-3,
+                    ..RopeMaterial::HEMP
+                });
             stage.spawn((
                 rope,
                 RopeMesh::default(),

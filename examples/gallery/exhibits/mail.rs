@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::log_slider;
+use crate::frame::{log_slider, slider};
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
@@ -87,7 +87,7 @@ fn turn_rings(mail: Option<Res<Mail>>, mut rings: Query<(&Ring, &mut Transform)>
 
 fn draw(mut ui: InMut<Ui>, mut collisions: ResMut<CollisionSettings>, mut springs: Query<&mut Spring>) {
     let mut friction = collisions.friction;
-    if super::slider(&mut ui, "friction", "", &mut friction, 0.0..=1.0) {
+    if slider(&mut ui, "friction", "", &mut friction, 0.0..=1.0) {
         collisions.friction = friction;
     }
     let Some(stiffness) = springs.iter().next().map(|spring| spring.stiffness) else { return };

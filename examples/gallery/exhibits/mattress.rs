@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::log_slider;
+use crate::frame::log_slider;
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 
@@ -49,7 +49,12 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     let cover = Cloth::from(Plane3d::new(Vec3::Y, 0.5 * size))
         .with_cells(cells)
         .with_radius(0.035)
-        .with_material(ClothMaterial { area_density: 1.0, stretch_stiffness: 4e3, ..ClothMaterial::DENIM });
+        .with_material(ClothMaterial {
+            area_density: 1.0,
+            stretch_stiffness: 4e3,
+            retardation_time: 1e-3,
+            ..ClothMaterial::DENIM
+        });
     let cover = stage.spawn((cover, NetMesh, ticking, Transform::from_xyz(0.0, HEIGHT, 0.0)));
     let steel = stage.metal(Color::srgb(0.62, 0.64, 0.68));
     let coil_mesh = Mesh3d(stage.meshes.add(coil_mesh()));
@@ -126,7 +131,8 @@ fn stretch_coils(mut coils: Query<(&Coil, &mut Transform)>, tops: Query<&Transfo
         let along = top.translation - coil.base;
         *transform = Transform::from_translation(coil.base)
             .with_rotation(Quat::from_rotation_arc(Vec3::Y, along.normalize_or(Vec3::Y)))
-            .with_scale(Vec3::new(1.0, along.length(), 1.0));
+            // Its wire lies below the cover.
+            .with_scale(Vec3::new(1.0, (along.length() - 0.02).max(0.01), 1.0));
     }
 }
 

@@ -14,7 +14,6 @@ mod rods;
 mod tear;
 
 use bevy::prelude::*;
-use bevy_egui::egui::{Slider, Ui};
 
 /// Adds all exhibits, in the order in which they are listed.
 pub fn plugin(app: &mut App) {
@@ -32,28 +31,4 @@ pub fn plugin(app: &mut App) {
         mattress::plugin,
         rods::plugin,
     ));
-}
-
-/// A slider for a parameter; whether it was moved.
-fn slider(
-    ui: &mut Ui,
-    name: &str,
-    unit: &str,
-    value: &mut f32,
-    range: std::ops::RangeInclusive<f32>,
-) -> bool {
-    let slider = Slider::new(value, range).suffix(format!(" {unit}")).text(name);
-    ui.add(slider).changed()
-}
-
-/// A slider over several powers of ten.
-fn log_slider(
-    ui: &mut Ui,
-    name: &str,
-    unit: &str,
-    value: &mut f32,
-    range: std::ops::RangeInclusive<f32>,
-) -> bool {
-    let slider = Slider::new(value, range).logarithmic(true).suffix(format!(" {unit}")).text(name);
-    ui.add(slider).changed()
 }

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::Ui;
 use bevy_mass_spring::prelude::*;
 
-use super::log_slider;
+use crate::frame::log_slider;
 use crate::gallery::{AppExhibit, Exhibit};
 use crate::stage::{Stage, View};
 

@@ -39,6 +39,9 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
         writeln!(text, "nets                    {}", in_kinds(&scene.nets))?;
     }
     writeln!(text, "planes                  {}", scene.planes.len())?;
+    if !scene.colliders.is_empty() {
+        writeln!(text, "colliders               {}", scene.colliders.len())?;
+    }
     writeln!(text, "time step               {} s", significant(scene.solver.time_step))?;
     let omega = bounds.angular_frequency;
     let (frequency, in_hertz) = (significant(omega), significant(omega / TAU));

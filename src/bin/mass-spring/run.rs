@@ -140,18 +140,31 @@ fn summarize(content: &Content, ticks: u64, simulation: &Simulation, costs: Cost
         state_hash: state_hash(&states),
         nets: scene.nets.len(),
         broken: report.broken,
-        max_depth: max_depth(scene, &states, |index| last.radius(index)),
+        max_depth: max_depth(scene, simulation, &states, |index| last.radius(index)),
     }
 }
 
-/// How deep the surface of a particle is inside a plane, m; 0 if none is.
-fn max_depth(scene: &MassSpringScene, states: &[ParticleState], radius: impl Fn(usize) -> f32) -> f64 {
+/// How deep the surface of a particle is inside a plane or collider, m; 0 if none is.
+fn max_depth(
+    scene: &MassSpringScene,
+    simulation: &Simulation,
+    states: &[ParticleState],
+    radius: impl Fn(usize) -> f32,
+) -> f64 {
     let mut deepest = 0.0_f64;
     for plane in &scene.planes {
         let Some(normal) = plane.unit_normal() else { continue };
         for (index, state) in states.iter().enumerate() {
             let height = (state.position.as_dvec3() - plane.point.as_dvec3()).dot(normal);
             deepest = deepest.max(f64::from(radius(index)) - height);
+        }
+    }
+    for (collider, place) in scene.colliders.iter().zip(simulation.collider_places()) {
+        let Some(depth) = collider.shape.depth_meter() else { continue };
+        for (index, state) in states.iter().enumerate().filter(|(_, state)| state.position.is_finite()) {
+            let apart = state.position.as_dvec3() - place.translation.as_dvec3();
+            let local = place.rotation.as_dquat().normalize().inverse() * apart;
+            deepest = deepest.max(depth(local, radius(index)));
         }
     }
     deepest

@@ -140,6 +140,12 @@ impl Simulation {
         springs.filter(move |(_, spring)| is_broken(spring)).map(|(index, _)| index)
     }
 
+    /// Where the colliders are, in the order of the scene.
+    pub fn collider_places(&self) -> impl Iterator<Item = Transform> {
+        let place = |entity: &Entity| self.app.world().get::<Transform>(*entity).copied();
+        self.spawned.colliders.iter().map(move |entity| place(entity).unwrap_or_default())
+    }
+
     /// The state of all particles, by their number.
     pub fn states(&self) -> Vec<ParticleState> {
         let world = self.app.world();

@@ -280,9 +280,10 @@ mod tests {
         fn refresh(&mut self, particles: &Particles) -> Vec<[u32; 2]> {
             let Self { memory, candidates, contacts, elements } = self;
             let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
-            let (planes, acceleration) = (&[], &Vectors::default());
+            let (colliders, skins, acceleration) = (&[], &[], &Vectors::default());
             let (integrator, duration, elapsed) = (Integrator::SemiImplicitEuler, 0.01, 1.0);
-            let substep = Substep { elements, planes, acceleration, settings, integrator, duration, elapsed };
+            let substep =
+                Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed };
             candidates.refresh(memory, contacts, particles, &particles.position, substep);
             // No narrow phase follows.
             candidates.ahead = false;

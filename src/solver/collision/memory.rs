@@ -1,4 +1,4 @@
-//! What the next ticks depend on, beside particles, springs and planes. All else is a cache of it.
+//! What the next ticks depend on, beside particles, springs and colliders. All else is a cache of it.
 
 use super::broad_phase::BroadPhase;
 use super::pairs::Impulses;

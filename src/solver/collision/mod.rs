@@ -1,4 +1,4 @@
-//! Collisions: of particles with planes and with each other, after each substep.
+//! Collisions: of particles with colliders and with each other, after each substep.
 //!
 //! Every contact is answered in three steps: the particles are *projected* out of each other (the
 //! correction shared by mass), the approaching part of their velocity is removed, and given back with
@@ -8,25 +8,36 @@
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the
 //! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
 //! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
-//! `pairs.rs` and `plane.rs` the two kinds of contact; `rest.rs` what stays where it is.
+//! `pairs.rs`, `plane.rs` and `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are,
+//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` what touches them, `presence.rs` what sleep
+//! asks of them. `rest.rs`: what stays where it is.
 
 mod bodies;
 mod broad_phase;
 mod candidates;
 mod chain_search;
 mod chains;
+mod collider;
+mod features;
 mod grid;
 mod list;
+mod material;
 mod memory;
 mod narrow;
 mod obstacles;
 mod pairs;
 mod plane;
+mod presence;
+mod record;
 mod regions;
 mod response;
 mod rest;
+mod shapes;
+mod solids;
 mod stiff_pairs;
 mod sweep;
+mod touch;
+mod touch_search;
 
 use bevy::math::{Vec3, Vec3A};
 
@@ -36,14 +47,24 @@ use crate::solver::settings::{Integrator, PairRules, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
 use chains::Proof;
+pub use collider::Collider;
+use collider::Placed;
+use features::Features;
+pub(super) use features::{Feature, sum, weigh};
+pub(super) use material::skin_of;
+pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
-pub use plane::{Plane, Pose};
+pub use plane::Pose;
+pub(super) use presence::Presence;
 use plane::{PlaneContact, Surface};
+pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
+pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
 use sweep::Sweep;
+use touch_search::Touches;
 
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
@@ -56,30 +77,6 @@ const POSITION_ITERATIONS: usize = 2;
 /// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
 const RECOVERY_RATE: f32 = 10.0;
 
-/// A contact in one substep.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactRecord {
-    /// Slot of the particle that is pushed along the normal.
-    pub slot: usize,
-    /// What it touches.
-    pub other: ContactPartner,
-    /// Where, m.
-    pub point: Vec3,
-    /// Unit vector towards the particle.
-    pub normal: Vec3,
-    /// Normal impulse, N·s.
-    pub impulse: f32,
-}
-
-/// What a particle touches.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ContactPartner {
-    /// The plane of this index among those of the state.
-    Plane(usize),
-    /// The particle in this slot.
-    Particle(usize),
-}
-
 /// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one
 /// gives the same results.
 #[derive(Debug, Clone, Default)]
@@ -88,6 +85,9 @@ pub(super) struct ContactCaches {
     pair_contacts: PairContacts,
     plane_contacts: Vec<PlaneContact>,
     surfaces: Vec<Surface>,
+    placed: Placed,
+    touches: Touches,
+    features: Features,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
@@ -104,7 +104,9 @@ pub(super) struct ContactCaches {
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
     pub elements: &'a Elements,
-    pub planes: &'a [Plane],
+    pub colliders: &'a [Collider],
+    /// The surfaces of particles by slot; of those beyond its end as of any.
+    pub skins: &'a [Skin],
     /// Of the last evaluation of the forces, m/s².
     pub acceleration: &'a Vectors,
     pub settings: &'a StepSettings,
@@ -117,6 +119,18 @@ pub(super) struct Substep<'a> {
 }
 
 impl Substep<'_> {
+    /// How pairs rebound.
+    fn rebound(&self) -> Rebound {
+        let Self { settings, integrator, duration, .. } = *self;
+        Rebound {
+            restitution: settings.pair_rules.unwrap_or_default().restitution,
+            substep: duration,
+            resting_speed: settings.gravity.length() * duration,
+            slop: settings.gravity.length() * duration * duration,
+            velocity_lag: integrator.velocity_lag(),
+        }
+    }
+
     /// The unit vector against gravity; zero where there is none.
     fn up(&self) -> Vec3 {
         -self.settings.gravity.normalize_or_zero()
@@ -126,13 +140,16 @@ impl Substep<'_> {
 impl ContactCaches {
     /// Touching pairs at the end of the last substep: of particles and of particles with planes.
     pub fn count(&self) -> usize {
-        self.pair_count() + self.plane_contacts.len()
+        self.pair_count() + self.plane_contacts.len() + self.touches.all.len()
     }
 
     /// Calls `visit` with the slots of the particles that touched something in the last substep, of some more than
     /// once.
     pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
         self.plane_contacts.iter().for_each(|contact| visit(contact.slot));
+        for touch in &self.touches.all {
+            touch.slots[..touch.count].iter().for_each(|slot| visit(*slot as usize));
+        }
         let slot_of = &self.candidates.regions.slot_of;
         for group in self.candidates.groups.iter() {
             for contact in self.pair_contacts.of(group) {
@@ -161,10 +178,10 @@ impl ContactCaches {
         &mut self,
         memory: &ContactMemory,
         positions: &Vectors,
-        planes: &[Plane],
+        colliders: &[Collider],
         settings: &StepSettings,
     ) {
-        let any_planes = settings.collide_with_planes && !planes.is_empty();
+        let any_planes = settings.collide_with_colliders && !colliders.is_empty();
         let any_pairs = settings.pair_rules.is_some() && !memory.nothing_has_a_skin(positions.len());
         self.has_previous = any_planes || any_pairs;
         if self.has_previous {
@@ -192,8 +209,12 @@ impl ContactCaches {
         records: Option<&mut Vec<ContactRecord>>,
     ) {
         self.have_moved = substep.settings.pair_rules.is_some() && self.sweep(memory, particles, substep);
+        self.find_touches(particles, substep, records.is_some());
         self.find(memory, particles, substep);
         if self.count() == 0 {
+            if let Some(records) = records {
+                self.record(particles, records);
+            }
             return;
         }
         self.have_moved = true;
@@ -244,7 +265,9 @@ impl ContactCaches {
                 let is_net = both(&|slot| exclusions.is_sprung(slot));
                 let solved_elsewhere =
                     both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
-                !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
+                let layers = slots.map(|slot| material::skin_of(substep.skins, slot as usize).layers);
+                let may_meet = substep.skins.is_empty() || layers[0].meet(layers[1]);
+                may_meet && !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
             },
         );
         candidates.grid = grid;
@@ -257,15 +280,8 @@ impl ContactCaches {
     }
 
     fn find(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
-        let Substep { planes, acceleration, settings, integrator, duration, elapsed, .. } = substep;
-        let rules = settings.pair_rules.unwrap_or_default();
-        let rebound = Rebound {
-            restitution: rules.restitution,
-            substep: duration,
-            resting_speed: settings.gravity.length() * duration,
-            slop: settings.gravity.length() * duration * duration,
-            velocity_lag: integrator.velocity_lag(),
-        };
+        let Substep { colliders, acceleration, settings, skins, elapsed, .. } = substep;
+        let rebound = substep.rebound();
         let Self { candidates, pair_contacts, previous, .. } = self;
         if settings.pair_rules.is_some() {
             candidates.refresh(memory, pair_contacts, particles, previous, substep);
@@ -274,18 +290,22 @@ impl ContactCaches {
         }
         self.plane_contacts.clear();
         self.surfaces.clear();
-        if settings.collide_with_planes {
-            let body_of = &self.candidates.regions.body_of;
-            for (index, plane) in planes.iter().enumerate() {
-                let surface = plane.surface(elapsed, settings.time_step);
+        let body_of = &self.candidates.regions.body_of[..];
+        if settings.collide_with_colliders {
+            let is_implicit = &self.is_implicit[..];
+            let conditions = plane::Conditions { acceleration, rebound, skins, body_of, is_implicit };
+            let planes = colliders.iter().enumerate();
+            for (number, collider) in planes.filter(|(_, collider)| collider.is_plane()) {
+                let surface = collider.surface(elapsed, settings.time_step);
+                let numbers = [self.surfaces.len(), number];
                 let found = &mut self.plane_contacts;
-                let bodies = (&body_of[..], &self.is_implicit[..]);
-                plane::find(index, &surface, particles, acceleration, rebound, bodies, found);
+                plane::find(numbers, (collider, &surface), particles, conditions, found);
                 self.surfaces.push(surface);
             }
         }
+        self.touches.number_bodies(body_of);
         let any_pairs = !self.candidates.list.pairs.is_empty();
-        if any_pairs || !self.plane_contacts.is_empty() {
+        if any_pairs || !self.plane_contacts.is_empty() || !self.touches.all.is_empty() {
             let Candidates { regions, exclusions, .. } = &self.candidates;
             let marks = (exclusions, &self.is_implicit[..]);
             bodies::fill(&mut self.bodies, particles, &self.previous, regions, marks);
@@ -299,8 +319,16 @@ impl ContactCaches {
                 body.carried |= carries;
                 body.holds += 1;
             }
+            for touch in &self.touches.all {
+                let body = &mut self.bodies[touch.bodies[0] as usize];
+                let carries = touch.normal.dot(up) > 0.0;
+                body.supported |= carries;
+                body.carried |= carries;
+                body.holds += 1;
+            }
             let Self { candidates, bodies, pair_contacts, .. } = self;
-            narrow::find(candidates, bodies, acceleration, rebound, up, pair_contacts);
+            let sides = (up, settings.is_flat);
+            narrow::find(candidates, bodies, (acceleration, skins), rebound, sides, pair_contacts);
         }
     }
 
@@ -319,7 +347,10 @@ impl ContactCaches {
                 }
             }
         }
-        self.solve_plane_velocities();
+        // Contacts of one particle each are solved by the first; those of edges and faces know of each other.
+        let iterations =
+            if self.touches.all.iter().any(|touch| touch.count > 1) { VELOCITY_ITERATIONS } else { 1 };
+        (0..iterations).for_each(|_| self.solve_plane_velocities());
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
             pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (rules, reach));
@@ -330,50 +361,18 @@ impl ContactCaches {
         for contact in &mut self.plane_contacts {
             plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
         }
+        self.touches.all.iter_mut().for_each(|touch| touch.solve_velocity(&mut self.bodies));
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, candidates, surfaces, bodies, .. } = self;
+        let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
         for _ in 0..POSITION_ITERATIONS {
             pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-        }
-    }
-
-    fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {
-        for contact in &self.plane_contacts {
-            let normal = Vec3::from(self.surfaces[contact.plane].normal);
-            records.push(ContactRecord {
-                slot: contact.slot,
-                other: ContactPartner::Plane(contact.plane),
-                point: particles.position.get(contact.slot) - normal * particles.radius()[contact.slot],
-                normal,
-                impulse: contact.impulse,
-            });
-        }
-        let slot_of = &self.candidates.regions.slot_of;
-        for group in self.candidates.groups.iter() {
-            let slot = |place: usize| slot_of[group.bodies.start + place] as usize;
-            for contact in self.pair_contacts.of(group) {
-                let (first, second) = (slot(contact.first()), slot(contact.second()));
-                // By slot, since the upper and the lower one may change places within a tick.
-                let (slot, other, normal) = if first < second {
-                    (first, second, contact.normal)
-                } else {
-                    (second, first, -contact.normal)
-                };
-                let normal = Vec3::from(normal);
-                records.push(ContactRecord {
-                    slot,
-                    other: ContactPartner::Particle(other),
-                    point: particles.position.get(slot) - normal * particles.radius()[slot],
-                    normal,
-                    impulse: contact.impulses.normal,
-                });
-            }
+            touches.all.iter().for_each(|touch| touch.solve_position(bodies, substep));
         }
     }
 }

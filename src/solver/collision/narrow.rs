@@ -7,6 +7,7 @@ use crate::solver::particles::Vectors;
 use super::bodies::Body;
 use super::candidates::Candidates;
 use super::list::{Candidate, List, Past};
+use super::material::{Skin, skin_of};
 use super::pairs::{Impulses, PairContact, PairContacts};
 use super::response::{Approach, Rebound};
 
@@ -22,7 +23,10 @@ struct Search<'a> {
     acceleration: &'a Vectors,
     rebound: Rebound,
     up: Vec3A,
+    /// Whether all motion is in a plane of constant z.
+    is_flat: bool,
     last: &'a [PairContact],
+    skins: &'a [Skin],
 }
 
 /// Finds the touching pairs among the candidates, in each group from the bottom up, with the impulses that
@@ -30,15 +34,15 @@ struct Search<'a> {
 pub(super) fn find(
     candidates: &mut Candidates,
     bodies: &mut [Body],
-    acceleration: &Vectors,
+    (acceleration, skins): (&Vectors, &[Skin]),
     rebound: Rebound,
-    up: Vec3A,
+    (up, is_flat): (Vec3A, bool),
     contacts: &mut PairContacts,
 ) {
     let Candidates { list: List { pairs, .. }, groups, regions, .. } = candidates;
     contacts.swap_buffers(pairs.len());
     let PairContacts { current, last } = contacts;
-    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, last };
+    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, is_flat, last, skins };
     groups.for_each((&mut pairs[..], &mut current[..]), bodies, |group, (pairs, contacts), bodies| {
         (group.contacts, group.entangled) = (0, false);
         for pairs in pairs.chunks_mut(PAIRS_PER_CHUNK) {
@@ -82,6 +86,7 @@ impl Search<'_> {
                     continue;
                 }
                 _ if solved_elsewhere(ends.map(|end| &bodies[end])) => continue,
+                _ if !self.may_meet(ends, start) => continue,
                 Past::Contact(place) => self.last[place as usize].impulses,
                 _ => Impulses::default(),
             };
@@ -90,6 +95,16 @@ impl Search<'_> {
             }
         }
         entangled
+    }
+
+    /// Whether the layers of two bodies let them touch.
+    #[inline]
+    fn may_meet(&self, ends: [usize; 2], start: usize) -> bool {
+        if self.skins.is_empty() {
+            return true;
+        }
+        let [one, other] = ends.map(|place| skin_of(self.skins, self.slot_of[place + start] as usize).layers);
+        one.meet(other)
     }
 
     /// The contact of two bodies, if they touch.
@@ -101,14 +116,14 @@ impl Search<'_> {
         impulses: Impulses,
         bodies: &mut [Body],
     ) -> Option<PairContact> {
-        let Self { slot_of, acceleration, rebound, up, .. } = self;
+        let Self { slot_of, acceleration, rebound, up, is_flat, .. } = self;
         let (upper, lower) = (&bodies[first], &bodies[second]);
         let reach = upper.radius + lower.radius;
         let separation = upper.position - lower.position;
         let distance = separation.length();
         let normal = match distance > 0.0 {
             true => separation / distance,
-            false => direction([first, second].map(|place| slot_of[place + start])),
+            false => direction([first, second].map(|place| slot_of[place + start]), *is_flat),
         };
         let velocity = (upper.velocity - lower.velocity).dot(normal);
         let mut target_velocity = 0.0;
@@ -168,8 +183,8 @@ fn overlap([one, other]: [&Body; 2]) -> bool {
 }
 
 /// A unit vector for two particles in the same place, from the second to the first: it follows from their slots, and
-/// many in one place come apart in all directions.
-fn direction([first, second]: [u32; 2]) -> Vec3A {
+/// many in one place come apart in all directions, or, where `is_flat`, in all of the plane of x and y.
+fn direction([first, second]: [u32; 2], is_flat: bool) -> Vec3A {
     let mut bits = first.min(second).wrapping_mul(0x9E37_79B9) ^ first.max(second).wrapping_mul(0x85EB_CA6B);
     let mut coordinate = || {
         // A step of the hash by Wang, *Integer hash function*, 2007.
@@ -179,7 +194,8 @@ fn direction([first, second]: [u32; 2]) -> Vec3A {
         // Never zero, so that neither is the vector.
         (bits >> 8) as f32 + 0.5 - (1 << 23) as f32
     };
-    let direction = Vec3A::new(coordinate(), coordinate(), coordinate()).normalize();
+    let [x, y, z] = [coordinate(), coordinate(), coordinate()];
+    let direction = Vec3A::new(x, y, if is_flat { 0.0 } else { z }).normalize();
     if first < second { direction } else { -direction }
 }
 
@@ -189,10 +205,17 @@ mod tests {
 
     #[test]
     fn directions_of_coincident_pairs_are_opposite_and_spread() {
+        for is_flat in [false, true] {
+            check_directions(is_flat);
+        }
+    }
+
+    fn check_directions(is_flat: bool) {
         let mut sum = Vec3A::ZERO;
         for slot in 1..4000 {
-            let way = direction([0, slot]);
-            assert_eq!(way, -direction([slot, 0]));
+            let way = direction([0, slot], is_flat);
+            assert_eq!(way, -direction([slot, 0], is_flat));
+            assert!(!is_flat || way.z == 0.0);
             assert!((way.length() - 1.0).abs() < 1e-6);
             sum += way;
         }

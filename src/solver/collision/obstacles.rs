@@ -1,92 +1,210 @@
-//! What the particles of an implicit step may not enter: planes and pinned spheres, as they are at its end.
+//! What the particles of an implicit step may not enter: colliders and pinned spheres, as they are at its end.
 
 use bevy::math::DVec3;
 
-use super::{ContactMemory, ContactPartner, Plane};
+use super::collider::{Collider, Moment, Placed};
+use super::features::Feature;
+use super::material::{Skin, skin_of};
+use super::shapes::{Bounds, Placement, Shape};
+use super::{ContactMemory, ContactPartner};
 use crate::solver::particles::Particles;
 use crate::solver::settings::StepSettings;
+use crate::solver::state::Version;
 
 /// All that may be touched in an implicit step.
 #[derive(Clone, Copy)]
 pub(in crate::solver) struct Surroundings<'a> {
-    pub planes: &'a [Plane],
+    pub colliders: &'a [Collider],
+    pub skins: &'a [Skin],
     pub settings: &'a StepSettings,
     pub memory: &'a ContactMemory,
+    /// What of nets collides between particles, and its version.
+    pub features: &'a [Feature],
+    pub features_version: Version,
     /// The fraction of the tick that has passed at the end of the step.
     pub elapsed: f32,
 }
 
 /// Something solid that nothing in the step can move.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(in crate::solver) struct Obstacle {
     pub partner: ContactPartner,
-    shape: Shape,
-    /// Its velocity at a point p is `velocity` + `angular_velocity` × (p − `pivot`): m/s, rad/s, m.
+    form: Form,
+    /// Its velocity at a point p is `velocity` + `angular_velocity` × (p − `pivot`) + `sliding`: m/s, rad/s, m.
     velocity: DVec3,
     angular_velocity: DVec3,
     pivot: DVec3,
+    /// The velocity of a conveyor, m/s.
+    sliding: DVec3,
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
     pub friction: f64,
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Shape {
+#[derive(Debug, Clone)]
+enum Form {
     /// All below the plane through `point`, m, of outward unit normal `normal`.
     HalfSpace { point: DVec3, normal: DVec3 },
     /// m.
     Sphere { centre: DVec3, radius: f64 },
+    /// A collider; `from` is where it is at the start of the step, `side` that of a sheet on which a particle is.
+    Solid { shape: Shape, from: Placement, to: Placement, side: f64 },
 }
 
 impl Obstacle {
     /// The distance in m of a sphere from its surface, negative if they overlap, and the unit vector away from it.
     pub fn gap(&self, position: DVec3, radius: f64) -> (f64, DVec3) {
-        match self.shape {
-            Shape::HalfSpace { point, normal } => ((position - point).dot(normal) - radius, normal),
-            Shape::Sphere { centre, radius: own } => {
+        match &self.form {
+            Form::HalfSpace { point, normal } => ((position - point).dot(*normal) - radius, *normal),
+            Form::Sphere { centre, radius: own } => {
                 let apart = position - centre;
                 let distance = apart.length();
                 let normal = if distance > 0.0 { apart / distance } else { DVec3::Y };
                 (distance - own - radius, normal)
             }
+            Form::Solid { shape, to, side, .. } => {
+                let nearest = shape.nearest(to.to_local(position), *side);
+                (nearest.distance - radius, to.direction(shape, nearest.normal))
+            }
         }
+    }
+
+    /// The plane that a sphere meets on its way from `start` to `end` and would pass through: as an obstacle.
+    pub fn met(&self, [start, end]: [DVec3; 2], radius: f64) -> Option<Self> {
+        let Form::Solid { shape, from, to, .. } = &self.form else { return None };
+        let (from, end) = (from.to_local(start), to.to_local(end));
+        let kept = SWEPT_WAY * radius;
+        if from.distance_squared(end) <= kept * kept {
+            return None;
+        }
+        let touch = shape.first_touch(from, end, kept)?;
+        let form =
+            Form::HalfSpace { point: to.to_world(touch.foot), normal: to.direction(shape, touch.normal) };
+        Some(Self { form, ..self.clone() })
+    }
+
+    /// The point of an edge (`count` 2) or triangle that is deepest in it at the end of straight ways of the corners, and it
+    /// as that point meets it; `None` if none touches but corners.
+    pub fn deepest(
+        &self,
+        count: usize,
+        [start, end]: [[DVec3; 3]; 2],
+        radii: [f64; 3],
+        duration: f64,
+    ) -> Option<(Self, [f64; 3])> {
+        let Form::Solid { shape, from, to, .. } = &self.form else { return None };
+        let before = start.map(|corner| from.to_local(corner));
+        let local = end.map(|corner| to.to_local(corner));
+        if count == 2 {
+            let way = before[0].distance(local[0]).max(before[1].distance(local[1]));
+            let radius = SWEPT_WAY * radii[0].min(radii[1]);
+            let is_fast = way > radius.max(0.5 * shape.half_thickness());
+            let [ways, ends] = [before, local].map(|corners| [corners[0], corners[1]]);
+            let swept = is_fast.then(|| shape.first_touch_of_edge(ways, ends, radius));
+            if let Some((touch, weights)) = swept.flatten() {
+                let normal = to.direction(shape, touch.normal);
+                let form = Form::HalfSpace { point: to.to_world(touch.foot), normal };
+                return Some((Self { form, ..self.clone() }, weights));
+            }
+        }
+        let within = 0.5 * duration * RECOVERY + longest(before, local);
+        let find = |corners: [DVec3; 3]| match count {
+            2 => shape.deepest_on_edge([corners[0], corners[1]], [radii[0], radii[1]], within),
+            _ => shape.deepest_on_triangle(corners, radii, within),
+        };
+        let found = find(local).or_else(|| find(before))?;
+        Some((self.clone(), found.weights))
+    }
+
+    /// The obstacle as it is to a particle that is at `position` when the step begins.
+    pub fn seen_from(&self, position: DVec3) -> Self {
+        let mut seen = self.clone();
+        if let Form::Solid { shape, from, side, .. } = &mut seen.form
+            && shape.has_sides()
+        {
+            *side = shape.side(from.to_local(position));
+        }
+        seen
     }
 
     /// The slot of the pinned particle that it is, if it is one.
     pub fn pinned_slot(&self) -> Option<usize> {
         match self.partner {
             ContactPartner::Particle(slot) => Some(slot),
-            ContactPartner::Plane(_) => None,
+            ContactPartner::Collider(_) => None,
         }
     }
 
-    /// The velocity of its surface at a point, m/s.
-    pub fn velocity_at(&self, point: DVec3) -> DVec3 {
+    /// The velocity of its surface at a point, m/s, without that of a conveyor.
+    pub fn motion_at(&self, point: DVec3) -> DVec3 {
         self.velocity + self.angular_velocity.cross(point - self.pivot)
     }
 
-    fn of_plane(index: usize, plane: &Plane, elapsed: f32, time_step: f32) -> Self {
-        let surface = plane.surface(elapsed, time_step);
+    /// The velocity of a conveyor, m/s.
+    pub fn sliding(&self) -> DVec3 {
+        self.sliding
+    }
+
+    fn of_plane(number: usize, collider: &Collider, elapsed: f32, time_step: f32) -> Self {
+        let surface = collider.surface(elapsed, time_step);
+        let form = Form::HalfSpace {
+            point: surface.point.as_dvec3(),
+            normal: surface.normal.as_dvec3().normalize(),
+        };
         Self {
-            partner: ContactPartner::Plane(index),
-            shape: Shape::HalfSpace {
-                point: surface.point.as_dvec3(),
-                normal: surface.normal.as_dvec3().normalize(),
-            },
+            form,
             velocity: surface.velocity.as_dvec3(),
             angular_velocity: surface.angular_velocity.as_dvec3(),
             pivot: surface.point.as_dvec3(),
-            restitution: f64::from(plane.restitution),
-            friction: f64::from(plane.friction),
+            sliding: surface.sliding.as_dvec3(),
+            ..Self::new(number, collider)
         }
     }
+
+    fn of_solid(number: usize, collider: &Collider, moment: &Moment) -> Self {
+        let (from, to) = (moment.from, moment.to);
+        Self {
+            form: Form::Solid { shape: collider.shape.clone(), from, to, side: 0.0 },
+            velocity: moment.velocity,
+            angular_velocity: moment.angular_velocity,
+            pivot: to.point,
+            sliding: moment.sliding(collider),
+            ..Self::new(number, collider)
+        }
+    }
+
+    fn new(number: usize, collider: &Collider) -> Self {
+        Self {
+            partner: ContactPartner::Collider(number),
+            form: Form::Sphere { centre: DVec3::ZERO, radius: 0.0 },
+            velocity: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
+            pivot: DVec3::ZERO,
+            sliding: DVec3::ZERO,
+            restitution: collider.material.restitution.into(),
+            friction: collider.material.friction.into(),
+        }
+    }
+}
+
+/// The way in a step above which a particle is swept, as a part of its radius.
+const SWEPT_WAY: f64 = 0.5;
+
+/// Edges and faces are looked for that would come as near as what moves at this speed does in the step, m/s.
+const RECOVERY: f64 = 0.1;
+
+/// The longest way of a corner, m.
+fn longest(from: [DVec3; 3], to: [DVec3; 3]) -> f64 {
+    from.iter().zip(to).map(|(from, to)| from.distance(to)).fold(0.0, f64::max)
 }
 
 /// The obstacles of one implicit step.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Obstacles {
     planes: Vec<Obstacle>,
+    placed: Placed,
+    solids: Vec<Obstacle>,
     /// By the least x that they reach.
     spheres: Vec<(f64, Obstacle)>,
     /// The largest diameter of the spheres, m.
@@ -99,16 +217,23 @@ impl Obstacles {
     /// Makes them those at the end of a step of `duration` seconds; pinned particles are where they were at its
     /// start.
     pub fn gather(&mut self, particles: &Particles, surroundings: Surroundings, duration: f64) {
-        let Surroundings { planes, settings, elapsed, .. } = surroundings;
+        let Surroundings { colliders, settings, elapsed, .. } = surroundings;
         self.planes.clear();
+        self.solids.clear();
         self.spheres.clear();
         (self.largest, self.longest_way) = (0.0, 0.0);
-        if settings.collide_with_planes {
-            let planes = planes.iter().enumerate();
-            let time_step = settings.time_step;
-            self.planes
-                .extend(planes.map(|(index, plane)| Obstacle::of_plane(index, plane, elapsed, time_step)));
-        }
+        let time_step = settings.time_step;
+        let colliders = if settings.collide_with_colliders { colliders } else { &[] };
+        let planes = colliders.iter().enumerate().filter(|(_, collider)| collider.is_plane());
+        self.planes.extend(
+            planes.map(|(number, collider)| Obstacle::of_plane(number, collider, elapsed, time_step)),
+        );
+        let before = elapsed - duration as f32 / time_step;
+        self.placed.begin_tick(colliders, time_step);
+        self.placed.begin_substep(colliders, [before, elapsed], time_step);
+        let solids = self.placed.numbers.iter().map(|number| *number as usize).zip(&self.placed.moments);
+        self.solids
+            .extend(solids.map(|(number, moment)| Obstacle::of_solid(number, &colliders[number], moment)));
         let Some(rules) = settings.pair_rules else { return };
         let pinned = particles.radius().iter().enumerate();
         for (slot, radius) in pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot)) {
@@ -116,10 +241,11 @@ impl Obstacles {
             let centre = particles.position.get(slot).as_dvec3() + duration * velocity;
             let obstacle = Obstacle {
                 partner: ContactPartner::Particle(slot),
-                shape: Shape::Sphere { centre, radius },
+                form: Form::Sphere { centre, radius },
                 velocity,
                 angular_velocity: DVec3::ZERO,
                 pivot: centre,
+                sliding: DVec3::ZERO,
                 restitution: f64::from(rules.restitution),
                 friction: f64::from(rules.friction),
             };
@@ -130,27 +256,80 @@ impl Obstacles {
         self.spheres.sort_by(|(one, _), (other, _)| one.total_cmp(other));
     }
 
+    /// Whether any of them is so thin that a particle may pass through it within a step.
+    pub fn any_thin(&self) -> bool {
+        !self.solids.is_empty()
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.planes.is_empty() && self.spheres.is_empty()
+        self.planes.is_empty() && self.solids.is_empty() && self.spheres.is_empty()
+    }
+
+    /// Calls `found` for each collider that an edge or triangle may touch, whose corners go from the first to the second
+    /// places in `duration` seconds; with its coefficients of restitution and friction against the particle in this
+    /// `slot`.
+    pub fn near_feature(
+        &self,
+        (slot, surroundings): (usize, Surroundings),
+        [from, to]: [[DVec3; 3]; 2],
+        radii: [f64; 3],
+        duration: f64,
+        mut found: impl FnMut(&Obstacle, [f64; 2]),
+    ) {
+        let corners = from.iter().chain(&to).map(|corner| corner.as_vec3());
+        let bounds = corners.fold(Bounds::EMPTY, Bounds::with);
+        let size = bounds.low.abs().max(bounds.high.abs()).max_element();
+        let reach = radii[0].max(radii[1]).max(radii[2]) + longest(from, to) + RECOVERY * duration;
+        let bounds = bounds.grown(reach as f32 + 16.0 * f32::EPSILON * size);
+        let skin = skin_of(surroundings.skins, slot);
+        self.placed.for_each_near(&bounds, |place| {
+            let obstacle = &self.solids[place];
+            let collider = &surroundings.colliders[self.placed.numbers[place] as usize];
+            if !collider.is_sensor && skin.layers.meet(collider.layers) {
+                found(obstacle, collider.material.between(skin.material).map(f64::from));
+            }
+        });
     }
 
     /// Calls `found` for each obstacle that a sphere at `position` may touch on a way of `reach` m in `duration`
-    /// seconds.
+    /// seconds, with its coefficients of restitution and friction against the particle in this `slot`.
     pub fn near(
         &self,
+        (slot, surroundings): (usize, Surroundings),
         position: DVec3,
         radius: f64,
         [reach, duration]: [f64; 2],
-        mut found: impl FnMut(&Obstacle),
+        mut found: impl FnMut(&Obstacle, [f64; 2]),
     ) {
+        let skin = skin_of(surroundings.skins, slot);
         let mut test = |obstacle: &Obstacle| {
-            let own_way = duration * obstacle.velocity_at(position).length();
+            let mut coefficients = [obstacle.restitution, obstacle.friction];
+            if let ContactPartner::Collider(number) = obstacle.partner {
+                let collider = &surroundings.colliders[number];
+                if collider.is_sensor || !skin.layers.meet(collider.layers) {
+                    return;
+                }
+                if skin.material.is_some() {
+                    coefficients = collider.material.between(skin.material).map(f64::from);
+                }
+            }
+            if let ContactPartner::Particle(pinned) = obstacle.partner
+                && !skin.layers.meet(skin_of(surroundings.skins, pinned).layers)
+            {
+                return;
+            }
+            let own_way = duration * obstacle.motion_at(position).length();
             if obstacle.gap(position, radius).0 <= reach + own_way {
-                found(obstacle);
+                found(obstacle, coefficients);
             }
         };
         self.planes.iter().for_each(&mut test);
+        if !self.solids.is_empty() {
+            let bounds =
+                Bounds::of_sphere(position.as_vec3(), ((radius + reach) * (1.0 + 1e-6)) as f32 + 1e-6);
+            self.placed.for_each_near(&bounds, |place| test(&self.solids[place]));
+        }
         let reach = radius + reach + self.longest_way;
         let (least, most) = (position.x - reach - self.largest, position.x + reach);
         let first = self.spheres.partition_point(|(x, _)| *x < least);

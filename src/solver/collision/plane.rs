@@ -1,10 +1,12 @@
-//! Planes: solid half-spaces that may move.
+//! Half-spaces, against which all particles are tested in vectors.
 
 use bevy::math::{Quat, Vec3, Vec3A};
 
 use crate::solver::particles::{Particles, Vectors};
 
 use super::bodies::Body;
+use super::collider::Collider;
+use super::material::{Material, Skin, skin_of};
 use super::response::{Approach, Rebound, friction, tangential};
 
 /// A position and an orientation.
@@ -17,20 +19,6 @@ pub struct Pose {
     pub rotation: Quat,
 }
 
-/// The half-space below the local +Y of a pose that moves from `start` to `target` during the tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub struct Plane {
-    /// Pose at the start of the tick.
-    pub start: Pose,
-    /// Pose at the end of the tick.
-    pub target: Pose,
-    /// Coefficient of restitution, 0 to 1.
-    pub restitution: f32,
-    /// Coefficient of Coulomb friction, >= 0.
-    pub friction: f32,
-}
-
 /// A plane at one moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface {
@@ -38,34 +26,15 @@ pub(super) struct Surface {
     pub normal: Vec3A,
     pub velocity: Vec3A,
     pub angular_velocity: Vec3A,
-    restitution: f32,
-    pub friction: f32,
+    /// The velocity of a conveyor, m/s.
+    pub sliding: Vec3A,
+    material: Material,
 }
 
-impl Plane {
-    /// A plane at rest through `point` with unit normal `normal`.
-    pub fn resting(point: Vec3, normal: Vec3, restitution: f32, friction: f32) -> Self {
-        let pose = Pose { point, rotation: Quat::from_rotation_arc(Vec3::Y, normal) };
-        Self { start: pose, target: pose, restitution, friction }
-    }
-
-    /// The same, at rest where it arrives.
-    pub(in crate::solver) fn at_rest(&self) -> Self {
-        Self { start: self.target, ..*self }
-    }
-
-    /// How deep a sphere overlaps the half-space at the start or at the end of the tick, m, whichever is more; negative
-    /// where it does not touch.
-    pub(in crate::solver) fn depth_on_way(&self, position: Vec3A, radius: f32) -> f32 {
-        let depth = |pose: Pose| {
-            radius - (position - Vec3A::from(pose.point)).dot(Vec3A::from(pose.rotation * Vec3::Y))
-        };
-        if self.start == self.target { depth(self.target) } else { depth(self.start).max(depth(self.target)) }
-    }
-
-    /// The plane after the fraction `elapsed` of a tick of `time_step` seconds.
+impl Collider {
+    /// The plane above a half-space after the fraction `elapsed` of a tick of `time_step` seconds.
     pub(super) fn surface(&self, elapsed: f32, time_step: f32) -> Surface {
-        let Self { start, target, restitution, friction } = *self;
+        let Self { start, target, material, surface_velocity, .. } = *self;
         let moving = start != target;
         let change = if moving { target.rotation * start.rotation.inverse() } else { Quat::IDENTITY };
         let rotation = if moving { start.rotation.slerp(target.rotation, elapsed) } else { target.rotation };
@@ -75,8 +44,12 @@ impl Plane {
             normal: (rotation * Vec3::Y).into(),
             velocity: ((target.point - start.point) / time_step).into(),
             angular_velocity: (change.to_scaled_axis() / time_step).into(),
-            restitution,
-            friction,
+            sliding: if surface_velocity == Vec3::ZERO {
+                Vec3A::ZERO
+            } else {
+                (rotation * surface_velocity).into()
+            },
+            material,
         }
     }
 }
@@ -98,7 +71,8 @@ impl Surface {
     }
 
     fn velocity_at(&self, position: Vec3A) -> Vec3A {
-        self.velocity + self.angular_velocity.cross(position - self.point)
+        let carried = self.velocity + self.angular_velocity.cross(position - self.point);
+        if self.sliding == Vec3A::ZERO { carried } else { carried + self.sliding }
     }
 }
 
@@ -108,9 +82,13 @@ pub(super) struct PlaneContact {
     pub slot: usize,
     /// The particle among the bodies.
     pub body: usize,
+    /// The place of its surface among those of this substep.
     pub plane: usize,
+    /// The number of the collider.
+    pub collider: usize,
     surface_velocity: Vec3A,
     target_velocity: f32,
+    friction: f32,
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
 }
@@ -118,17 +96,24 @@ pub(super) struct PlaneContact {
 /// Number of particles that are tested together: most of them touch nothing, and the test runs in vectors.
 const PARTICLES_PER_CHUNK: usize = 64;
 
-/// Finds the free particles that touch `surface`.
-pub(super) fn find(
-    plane: usize,
+/// What a search for contacts reads beside the particles.
+#[derive(Clone, Copy)]
+pub(super) struct Conditions<'a> {
+    pub acceleration: &'a Vectors,
+    pub rebound: Rebound,
+    pub skins: &'a [Skin],
+    pub body_of: &'a [u32],
+    pub is_implicit: &'a [bool],
+}
+
+/// Calls `found` with the slots of the free particles that touch `surface` and that no implicit step has seen
+/// to.
+pub(super) fn touching(
     surface: &Surface,
     particles: &Particles,
-    acceleration: &Vectors,
-    rebound: Rebound,
-    (body_of, is_implicit): (&[u32], &[bool]),
-    found: &mut Vec<PlaneContact>,
+    is_implicit: &[bool],
+    mut found: impl FnMut(usize),
 ) {
-    let rebound = Rebound { restitution: surface.restitution, ..rebound };
     let [x, y, z] = particles.position.axes();
     let [x, y, z, radius] = [x, y, z, particles.radius()].map(|array| array.chunks(PARTICLES_PER_CHUNK));
     for (chunk, (((x, y), z), radius)) in x.zip(y).zip(z).zip(radius).enumerate() {
@@ -142,18 +127,47 @@ pub(super) fn find(
             if particles.inverse_mass()[slot] == 0.0 || is_implicit.get(slot) == Some(&true) {
                 continue;
             }
-            let position = Vec3A::from(particles.position.get(slot));
-            let surface_velocity = surface.velocity_at(position);
-            let approach = Approach {
-                velocity: (Vec3A::from(particles.velocity.get(slot)) - surface_velocity).dot(surface.normal),
-                acceleration: Vec3A::from(acceleration.get(slot)).dot(surface.normal),
-                depth: surface.depth(position, particles.radius()[slot]).max(0.0),
-            };
-            let target_velocity = rebound.least_velocity_after(approach);
-            let body = body_of[slot] as usize;
-            found.push(PlaneContact { slot, body, plane, surface_velocity, target_velocity, impulse: 0.0 });
+            found(slot);
         }
     }
+}
+
+/// Finds the free particles that touch the plane above a half-space.
+pub(super) fn find(
+    [plane, number]: [usize; 2],
+    (collider, surface): (&Collider, &Surface),
+    particles: &Particles,
+    conditions: Conditions,
+    contacts: &mut Vec<PlaneContact>,
+) {
+    let Conditions { acceleration, rebound, skins, body_of, is_implicit } = conditions;
+    touching(surface, particles, is_implicit, |slot| {
+        let skin = skin_of(skins, slot);
+        if !skin.layers.meet(collider.layers) {
+            return;
+        }
+        let [restitution, friction] = surface.material.between(skin.material);
+        let rebound = Rebound { restitution, ..rebound };
+        let position = Vec3A::from(particles.position.get(slot));
+        let surface_velocity = surface.velocity_at(position);
+        let approach = Approach {
+            velocity: (Vec3A::from(particles.velocity.get(slot)) - surface_velocity).dot(surface.normal),
+            acceleration: Vec3A::from(acceleration.get(slot)).dot(surface.normal),
+            depth: surface.depth(position, particles.radius()[slot]).max(0.0),
+        };
+        let target_velocity = rebound.least_velocity_after(approach);
+        let body = body_of[slot] as usize;
+        contacts.push(PlaneContact {
+            slot,
+            body,
+            plane,
+            collider: number,
+            surface_velocity,
+            target_velocity,
+            friction,
+            impulse: 0.0,
+        });
+    });
 }
 
 /// Gives the particle its velocity after the contact, unless it moves away already, and friction.
@@ -164,7 +178,7 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
     if change <= 0.0 {
         return;
     }
-    let friction = friction(tangential(relative, surface.normal), surface.friction * change);
+    let friction = friction(tangential(relative, surface.normal), contact.friction * change);
     body.velocity += surface.normal * change + friction;
     contact.impulse += change / body.inverse_mass;
 }
@@ -173,7 +187,7 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
 pub(super) fn note_slip(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], tolerance: f32) {
     let body = &mut bodies[contact.body];
     let slip = tangential(body.velocity - contact.surface_velocity, surface.normal);
-    let slips = surface.friction == 0.0 || slip.length_squared() > tolerance * tolerance;
+    let slips = contact.friction == 0.0 || slip.length_squared() > tolerance * tolerance;
     body.slips |= (contact.impulse > 0.0 && slips) || contact.surface_velocity != Vec3A::ZERO;
 }
 
@@ -185,9 +199,9 @@ pub(super) fn solve_position(contact: &PlaneContact, surface: &Surface, bodies: 
         return;
     }
     let mut correction = surface.normal * depth;
-    if surface.friction > 0.0 {
+    if contact.friction > 0.0 {
         let slip = body.moved() - contact.surface_velocity * substep;
-        correction += friction(tangential(slip, surface.normal), surface.friction * depth);
+        correction += friction(tangential(slip, surface.normal), contact.friction * depth);
     }
     body.position += correction;
 }

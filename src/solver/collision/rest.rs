@@ -37,6 +37,7 @@ impl ContactCaches {
     /// Takes note that nothing was examined: all sleeps.
     pub fn rest(&mut self) {
         self.plane_contacts.clear();
+        self.touches.clear();
         self.candidates.groups.clear();
     }
 
@@ -56,6 +57,9 @@ impl ContactCaches {
         if falls_asleep {
             for contact in &self.plane_contacts {
                 plane::note_slip(contact, &self.surfaces[contact.plane], &mut self.bodies, settled_speed);
+            }
+            for touch in &self.touches.all {
+                touch.note_slip(&mut self.bodies, settled_speed);
             }
         }
         bodies::for_each(&mut self.bodies, &self.candidates.regions, |body| {

@@ -4,6 +4,7 @@ use bevy::math::{DVec3, Vec3};
 
 use super::Surroundings;
 use super::grid::Grid;
+use super::material::skin_of;
 use crate::solver::elements::Elements;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
@@ -63,7 +64,9 @@ impl StiffPairs {
             let Some(normal) = touch(apart(start), apart(&particles.position), reach) else { continue };
             let overlapped = apart(start).length_squared() < reach * reach;
             let is_new = || !slots.iter().all(|slot| memory.has_searched(*slot));
+            let layers = slots.map(|slot| skin_of(surroundings.skins, slot as usize).layers);
             let is_excluded = exclusions.contains(slots[0], slots[1])
+                || !layers[0].meet(layers[1])
                 || (overlapped && (is_new() || entangled.binary_search(&slots).is_ok()))
                 || found[..known].binary_search_by_key(&slots, |pair| pair.slots).is_ok();
             if !is_excluded {

@@ -28,7 +28,12 @@ struct Knot {
 }
 
 /// Parts the coincident ends of springs with a rest length, and leaves the centre of mass of what is free where it is.
-pub(in crate::solver) fn part_coincident(elements: &Elements, particles: &mut Particles, gravity: Vec3) {
+/// Where `is_flat`, along the plane of x and y only.
+pub(in crate::solver) fn part_coincident(
+    elements: &Elements,
+    particles: &mut Particles,
+    (gravity, is_flat): (Vec3, bool),
+) {
     let (knots, is_held) = find(elements, particles);
     if knots.is_empty() {
         return;
@@ -58,7 +63,8 @@ pub(in crate::solver) fn part_coincident(elements: &Elements, particles: &mut Pa
     members.fill(clusters as usize, |add| {
         (0..).zip(&cluster_of).for_each(|(knot, cluster)| add(*cluster, knot));
     });
-    let mut unfolding = Unfolding { knots: &knots, is_held, offsets: vec![None; particles.len()], gravity };
+    let offsets = vec![None; particles.len()];
+    let mut unfolding = Unfolding { knots: &knots, is_held, offsets, gravity, is_flat };
     for cluster in 0..members.len() {
         let moved = unfolding.unfold(members.of(cluster), particles);
         unfolding.write(moved, particles);
@@ -86,6 +92,7 @@ struct Unfolding<'a> {
     /// How far each particle of a cluster is moved, m.
     offsets: Vec<Option<DVec3>>,
     gravity: Vec3,
+    is_flat: bool,
 }
 
 impl Unfolding<'_> {
@@ -127,14 +134,17 @@ impl Unfolding<'_> {
     }
 
     /// Along gravity, a little to the side; every rank has another direction. They are those of a sunflower's seeds
-    /// on the sphere.
+    /// on the sphere, and in the plane on the circle.
     fn direction(&self, rank: usize) -> DVec3 {
         /// (√5 − 1) / 2, and the same part of the full circle.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let height = 1.0 - 2.0 * ((rank as f64 + 0.5) * GOLDEN).fract() as f32;
         let (sin, cos) = ops::sin_cos((rank as f64 * GOLDEN * GOLDEN).fract() as f32 * std::f32::consts::TAU);
         let across = (1.0 - height * height).max(0.0).sqrt();
-        let own = Vec3::new(across * cos, height, across * sin);
+        let own = match self.is_flat {
+            true => Vec3::new(cos, sin, 0.0),
+            false => Vec3::new(across * cos, height, across * sin),
+        };
         (self.gravity.normalize_or_zero() + TILT * own).normalize_or(own).normalize().as_dvec3()
     }
 

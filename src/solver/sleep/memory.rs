@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 
-use crate::solver::collision::Plane;
+use crate::solver::collision::{Presence, Skin};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
@@ -26,8 +26,10 @@ pub(in crate::solver) struct SleepMemory {
     pub(super) asleep: usize,
     /// The settings of the last tick; `None` before the first one.
     pub(super) settings: Option<StepSettings>,
-    /// The planes of the last tick.
-    pub(super) planes: Vec<Plane>,
+    /// What the last tick left of the colliders.
+    pub(super) colliders: Vec<Presence>,
+    /// The surfaces of particles in the last tick.
+    pub(super) skins: Vec<Skin>,
     /// The slots at which something was edited since then.
     pub(super) disturbed: Vec<u32>,
     /// The slots of particles that were added since then.
@@ -115,6 +117,7 @@ impl SleepMemory {
         for (axis, shift) in self.place.axes_mut().into_iter().zip(shift.to_array()) {
             axis.iter_mut().for_each(|coordinate| *coordinate -= shift);
         }
+        self.colliders.iter_mut().for_each(|collider| collider.shift(shift));
         self.vanished.iter_mut().for_each(|(centre, _)| *centre -= shift);
         self.leaving.iter_mut().for_each(|(_, centre, _)| *centre -= shift);
     }
@@ -130,7 +133,13 @@ impl SleepMemory {
             Self { settings: self.settings, since_check: self.since_check, ..Self::default() },
         );
         let new_slot = |old: usize| new_slots.get(old).copied().flatten().map(|slot| slot as usize);
-        self.planes = old.planes;
+        self.colliders = old.colliders;
+        self.skins.resize(if old.skins.is_empty() { 0 } else { particles.len() }, Skin::default());
+        for (slot, skin) in old.skins.into_iter().enumerate() {
+            if let Some(place) = new_slot(slot).and_then(|new| self.skins.get_mut(new)) {
+                *place = skin;
+            }
+        }
         self.resize(particles.len());
         let mut names = vec![0; old.group.len() + 1];
         for slot in 0..old.group.len() {

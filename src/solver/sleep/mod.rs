@@ -15,23 +15,26 @@
 //! are out of balance by at most (16 · 0.2 + 2) speed / T: 10.4 mm/s² with the default, a thousandth of gravity. A load m
 //! on a spring of stiffness k falls asleep within m · 5.2 speed / (T k) of its equilibrium.
 //!
-//! `memory.rs` is what is remembered, `wake.rs` the start of a tick, `rest.rs` its end, `near.rs` the search.
+//! `memory.rs` is what is remembered, `wake.rs` the start of a tick, `rest.rs` its end, `near.rs` the search,
+//! `surroundings.rs` what pinned particles and colliders do.
 
 mod memory;
 mod near;
 mod rest;
+mod surroundings;
 mod wake;
 
 use bevy::math::DVec3;
 
 use crate::solver::collision::ContactMemory;
-use crate::solver::elements::{Elements, Exposed};
+use crate::solver::elements::{CollisionMesh, Elements, Exposed};
 use crate::solver::graph::{Forest, Parts};
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::StepSettings;
 pub(in crate::solver) use memory::SleepMemory;
 use near::SleepingSpheres;
+pub(super) use surroundings::Surroundings;
 
 /// How far a resting particle may get in the delay, as a part of the way at the threshold speed.
 const DRIFT: f32 = 0.2;
@@ -49,6 +52,7 @@ pub(super) struct Sleepers<'a> {
     pub particles: &'a mut Particles,
     pub elements: &'a Elements,
     pub exposed: &'a Exposed,
+    pub mesh: &'a CollisionMesh,
     pub contacts: &'a mut ContactMemory,
     pub pulls: &'a mut Pulls,
 }
@@ -65,6 +69,10 @@ pub(super) struct SleepCaches {
     /// Of each part whether it stays awake.
     stays: Vec<bool>,
     forest: Forest,
+    /// Of each slot how far from it something of it may touch a collider, m.
+    reaches: Vec<f32>,
+    /// Of each slot whether it is pinned and moves in the tick; empty where none does.
+    moves: Vec<bool>,
     /// Accelerations by drag and dampers, m/s².
     braking: Vec<DVec3>,
 }

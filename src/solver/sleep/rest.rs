@@ -2,14 +2,13 @@
 
 use bevy::math::{DVec3, Vec3};
 
-use crate::solver::collision::{ContactCaches, Plane};
-use crate::solver::particles::{Particles, PinnedMotion};
+use crate::solver::collision::ContactCaches;
+use crate::solver::particles::Particles;
 use crate::solver::settings::{Field, Sleep, StepSettings};
 use crate::solver::state::Version;
 
 use super::memory::SleepMemory;
-use super::wake::is_near;
-use super::{CHECKS_PER_DELAY, DRIFT, HASTE, SleepCaches, Sleepers, touching_gap};
+use super::{CHECKS_PER_DELAY, DRIFT, HASTE, SleepCaches, Sleepers, Surroundings, touching_gap};
 
 /// Particles whose speeds are compared at a time.
 const CHUNK: usize = 64;
@@ -19,7 +18,7 @@ impl SleepCaches {
     pub fn end_tick(
         &mut self,
         mut sleepers: Sleepers,
-        (motions, planes): (&[PinnedMotion], &[Plane]),
+        around: Surroundings,
         contacts: &ContactCaches,
         (settings, field): (&StepSettings, Field),
     ) {
@@ -38,12 +37,12 @@ impl SleepCaches {
             let members = self.parts.members(*part as usize);
             any_ready |= clock.advance_part(memory, particles, members);
         }
-        for motion in motions.iter().filter(|motion| motion.start != motion.target) {
+        for motion in around.moving() {
             self.parts.held_by(motion.slot).for_each(|part| memory.rested[self.parts.first(part)] = 0.0);
         }
         memory.since_check += settings.time_step;
         if any_ready && memory.since_check * CHECKS_PER_DELAY >= sleep.delay {
-            self.consider(&mut sleepers, (motions, planes), contacts, (settings, field), sleep);
+            self.consider(&mut sleepers, around, contacts, (settings, field), sleep);
         }
     }
 
@@ -51,7 +50,7 @@ impl SleepCaches {
     fn consider(
         &mut self,
         sleepers: &mut Sleepers,
-        (motions, planes): (&[PinnedMotion], &[Plane]),
+        around: Surroundings,
         contacts: &ContactCaches,
         (settings, field): (&StepSettings, Field),
         sleep: Sleep,
@@ -60,7 +59,7 @@ impl SleepCaches {
             return;
         };
         sleepers.memory.since_check = 0.0;
-        let Self { parts, forest, stays, .. } = self;
+        let Self { parts, forest, stays, moves, .. } = self;
         forest.reset(parts.len());
         let Sleepers { memory, particles, .. } = &*sleepers;
         stays.clear();
@@ -69,10 +68,12 @@ impl SleepCaches {
             memory.group[first] != 0 || memory.rested[first] < sleep.delay
         }));
         let gap = touching_gap(settings);
-        let moves = |slot: usize| {
-            let of = |motion: &&PinnedMotion| motion.slot == slot;
-            motions.iter().find(of).is_some_and(|motion| motion.start != motion.target)
-        };
+        moves.clear();
+        for motion in around.moving() {
+            moves.resize(particles.len(), false);
+            moves[motion.slot] = true;
+        }
+        let moves = |slot: usize| moves.get(slot) == Some(&true);
         for (one, other) in pairs.iter().map(|(one, other)| (*one as usize, *other as usize)) {
             let reach = particles.radius()[one] + particles.radius()[other] + gap;
             if particles.position.get(one).distance_squared(particles.position.get(other)) > reach * reach {
@@ -85,15 +86,6 @@ impl SleepCaches {
                 (None, None) => {}
             }
         }
-        if settings.collide_with_planes {
-            for plane in planes.iter().filter(|plane| plane.start != plane.target) {
-                let near = |slot: &usize| is_near(plane, particles, *slot, settings);
-                (0..particles.len())
-                    .filter(near)
-                    .filter_map(|slot| parts.of(slot))
-                    .for_each(|part| stays[part] = true);
-            }
-        }
         if settings.gusts.is_some() && settings.air_density > 0.0 {
             sleepers.exposed.for_each_end(|slot| {
                 if let Some(part) = parts.of(slot) {
@@ -101,6 +93,7 @@ impl SleepCaches {
                 }
             });
         }
+        self.keep_carried_awake(sleepers, around, settings);
         self.spread();
         if self.stays.iter().all(|stays| *stays) {
             return;

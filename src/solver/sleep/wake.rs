@@ -1,14 +1,10 @@
 //! The start of a tick: what has happened to sleepers wakes them.
 
-use bevy::math::Vec3A;
-
-use crate::solver::collision::Plane;
-use crate::solver::particles::{Particles, PinnedMotion};
 use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
 
 use super::memory::SleepMemory;
-use super::{SleepCaches, Sleepers, touching_gap};
+use super::{SleepCaches, Sleepers, Surroundings, touching_gap};
 
 /// Slots that are compared at a time.
 const CHUNK: usize = 256;
@@ -18,7 +14,7 @@ impl SleepCaches {
     pub fn begin_tick(
         &mut self,
         mut sleepers: Sleepers,
-        (motions, planes): (&[PinnedMotion], &[Plane]),
+        around: Surroundings,
         settings: &StepSettings,
     ) {
         let Sleepers { memory, particles, elements, .. } = &mut sleepers;
@@ -37,6 +33,7 @@ impl SleepCaches {
             self.wake_all(&mut sleepers);
         }
         let Sleepers { memory, .. } = &mut sleepers;
+        memory.disturb_changed_skins(around.skins);
         if !memory.disturbed.is_empty() {
             self.find_disturbed(memory);
         }
@@ -44,12 +41,10 @@ impl SleepCaches {
             self.is_waking.clear();
             self.is_waking.resize(memory.group.len() + 1, false);
             self.find_changed(&sleepers);
-            self.find_planes(&sleepers, planes, settings);
-            if motions.iter().any(|motion| motion.start != motion.target) {
-                self.find_held(&sleepers, motions);
-            }
+            self.find_on_colliders(&sleepers, around, settings);
+            self.find_held(&sleepers, around);
             if settings.pair_rules.is_some() {
-                self.find_near(&sleepers, motions, settings);
+                self.find_near(&sleepers, around, settings);
             }
             self.wake(&mut sleepers);
         }
@@ -58,8 +53,7 @@ impl SleepCaches {
         memory.disturbed.clear();
         memory.added.clear();
         memory.vanished.clear();
-        memory.planes.clear();
-        memory.planes.extend_from_slice(planes);
+        memory.keep_colliders(around.colliders);
     }
 
     fn wake_all(&mut self, sleepers: &mut Sleepers) {
@@ -131,45 +125,16 @@ impl SleepCaches {
         }
     }
 
-    /// Finds sleepers on planes that move, are others than in the last tick, or are gone.
-    fn find_planes(
-        &mut self,
-        Sleepers { memory, particles, .. }: &Sleepers,
-        planes: &[Plane],
-        settings: &StepSettings,
-    ) {
-        if !settings.collide_with_planes {
-            return;
-        }
-        for number in 0..planes.len().max(memory.planes.len()) {
-            let (past, present) = (memory.planes.get(number), planes.get(number));
-            let rests = |plane: &&Plane| plane.start == plane.target;
-            if let (Some(past), Some(present)) = (past, present.filter(rests))
-                && Plane::at_rest(past) == *present
-            {
-                continue;
-            }
-            for plane in past.into_iter().chain(present) {
-                self.waking.extend(
-                    (0..particles.len())
-                        .filter(|slot| memory.group[*slot] != 0)
-                        .filter(|slot| is_near(plane, particles, *slot, settings))
-                        .map(|slot| (memory.group[slot], 0.0)),
-                );
-            }
-        }
-    }
-
     /// Finds what hangs from pinned particles that move.
-    fn find_held(&mut self, Sleepers { memory, .. }: &Sleepers, motions: &[PinnedMotion]) {
-        for motion in motions.iter().filter(|motion| motion.start != motion.target) {
+    fn find_held(&mut self, Sleepers { memory, .. }: &Sleepers, around: Surroundings) {
+        for motion in around.moving() {
             let slots = self.parts.held_by(motion.slot).map(|part| self.parts.first(part));
             self.waking.extend(slots.map(|slot| (memory.group[slot], 0.0)).filter(|(group, _)| *group != 0));
         }
     }
 
     /// Finds sleepers that something awake may touch in this tick, or could rest on.
-    fn find_near(&mut self, sleepers: &Sleepers, motions: &[PinnedMotion], settings: &StepSettings) {
+    fn find_near(&mut self, sleepers: &Sleepers, around: Surroundings, settings: &StepSettings) {
         let Sleepers { memory, particles, .. } = sleepers;
         let Self { spheres, waking, .. } = self;
         spheres.refresh(memory, particles);
@@ -186,9 +151,7 @@ impl SleepCaches {
                 search((particles.position.get(slot), radius[slot]), reach);
             }
         }
-        for motion in
-            motions.iter().filter(|motion| motion.start != motion.target && radius[motion.slot] > 0.0)
-        {
+        for motion in around.moving().filter(|motion| radius[motion.slot] > 0.0) {
             search((motion.start, radius[motion.slot]), motion.start.distance(motion.target));
         }
         memory.vanished.iter().for_each(|sphere| search(*sphere, 0.0));
@@ -246,10 +209,4 @@ impl SleepCaches {
         contacts.wake(|slot| memory.group[slot] != 0);
         memory.version = Version::new();
     }
-}
-
-/// Whether a particle may touch a plane in this tick.
-pub(super) fn is_near(plane: &Plane, particles: &Particles, slot: usize, settings: &StepSettings) -> bool {
-    let (position, radius) = (Vec3A::from(particles.position.get(slot)), particles.radius()[slot]);
-    plane.depth_on_way(position, radius) >= -touching_gap(settings)
 }

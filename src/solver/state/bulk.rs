@@ -5,7 +5,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::State;
-use crate::solver::elements::{Bend, Face, Filament, Gas, Spring};
+use crate::solver::elements::{Bend, CollisionEdge, Face, Filament, Gas, NONE, Spring, edges_of};
 
 /// Where a net is: consecutive slots, unless particles were renumbered since, and consecutive places in each table.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -18,6 +18,12 @@ pub(crate) struct NetRanges {
     pub faces: Range<usize>,
     pub filaments: Range<usize>,
     pub gas: Option<usize>,
+    /// Among the edges that collide.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub edges: Range<usize>,
+    /// Among the triangles that collide.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub triangles: Range<usize>,
 }
 
 /// The elements of a net, with ends that are counted from its first particle.
@@ -28,6 +34,8 @@ pub(crate) struct NetElements<'a> {
     pub hinges: &'a [([u32; 4], Bend<4>)],
     /// The triangles of the surface.
     pub triangles: &'a [[u32; 3]],
+    /// The places of the particles at rest, m.
+    pub rest: &'a [Vec3],
     /// How air acts on these; `None` where it does not.
     pub face: Option<Face>,
     /// How air acts along the springs; `None` where it does not.
@@ -39,6 +47,26 @@ pub(crate) struct NetElements<'a> {
 }
 
 impl NetElements<'_> {
+    /// What collides beside the particles: the edges of the surface; where there is none, what is along the springs.
+    fn collision_edges(&self) -> Vec<CollisionEdge> {
+        if self.triangles.is_empty() {
+            let along = |(number, (ends, spring)): (u32, &([u32; 2], Spring))| CollisionEdge {
+                ends: *ends,
+                rest_length: spring.length_at_rest(),
+                spring: number,
+            };
+            return (0..).zip(self.springs).map(along).collect();
+        }
+        let rest_length = |[one, other]: [u32; 2]| {
+            self.rest
+                .get(one as usize)
+                .zip(self.rest.get(other as usize))
+                .map_or(0.0, |(a, b)| a.distance(*b))
+        };
+        let edges = edges_of(self.triangles).into_iter();
+        edges.map(|ends| CollisionEdge { ends, rest_length: rest_length(ends), spring: NONE }).collect()
+    }
+
     fn faces(&self) -> usize {
         if self.face.is_some() { self.triangles.len() } else { 0 }
     }
@@ -65,23 +93,48 @@ impl State {
         (first..self.particles.len()).for_each(|slot| self.sleep.disturb(slot));
         self.contacts.request_search();
         self.may_coincide |= !elements.springs.is_empty();
+        let springs = self.elements.extend(first as u32, elements.springs);
+        self.mesh.add_owned(&springs);
         NetRanges {
             particles: first..self.particles.len(),
-            springs: self.elements.extend(first as u32, elements.springs),
             rods: self.elements.extend(first as u32, elements.rods),
             hinges: self.elements.extend(first as u32, elements.hinges),
-            ..self.add_surface(first as u32, elements)
+            ..self.add_surface(first as u32, elements, springs)
         }
     }
 
-    fn add_surface(&mut self, first: u32, elements: NetElements) -> NetRanges {
+    /// Has the surface of a net collide, or where it has none what is along its `springs`.
+    fn add_collision_mesh(&mut self, first: u32, elements: NetElements, springs: &Range<usize>) -> NetRanges {
+        let triangles = elements.triangles.iter().map(|ends| ends.map(|end| end + first));
+        let edges = elements.collision_edges().into_iter().map(|edge| CollisionEdge {
+            ends: edge.ends.map(|end| end + first),
+            spring: if edge.spring == NONE { NONE } else { edge.spring + springs.start as u32 },
+            ..edge
+        });
+        let [edges, triangles] = [self.mesh.add_edges(edges), self.mesh.add_triangles(triangles)];
+        if !elements.triangles.is_empty() {
+            let mut is_inner = vec![true; self.particles.len() - first as usize];
+            elements.triangles.as_flattened().iter().for_each(|corner| is_inner[*corner as usize] = false);
+            let inner = (first..).zip(is_inner).filter(|(_, is_inner)| *is_inner);
+            self.mesh.add_inner(inner.map(|(slot, _)| slot));
+        }
+        NetRanges {
+            edges: edges..self.mesh.edges.len(),
+            triangles: triangles..self.mesh.triangles.len(),
+            ..NetRanges::default()
+        }
+    }
+
+    fn add_surface(&mut self, first: u32, elements: NetElements, springs: Range<usize>) -> NetRanges {
+        let mesh = self.add_collision_mesh(first, elements, &springs);
         let triangles = elements.triangles.iter().map(|ends| ends.map(|end| end + first));
         let links = elements.springs.iter().map(|(ends, _)| ends.map(|end| end + first));
         NetRanges {
             faces: elements.face.map_or(0..0, |face| self.add_faces(triangles.clone(), face)),
             filaments: elements.filament.map_or(0..0, |filament| self.add_filaments(links, filament)),
             gas: elements.gas.map(|gas| self.add_gas(&triangles.collect::<Vec<_>>(), gas)),
-            ..NetRanges::default()
+            springs,
+            ..mesh
         }
     }
 
@@ -100,9 +153,12 @@ impl State {
         self.remove_faces(ranges.faces.clone());
         self.remove_filaments(ranges.filaments.clone());
         ranges.gas.into_iter().for_each(|gas| self.remove_gas(gas));
+        ranges.edges.clone().for_each(|number| self.mesh.remove_edge(number));
+        ranges.triangles.clone().for_each(|number| self.mesh.remove_triangle(number));
         for slot in slots {
             self.sleep.vanish(slot, &self.particles);
             self.particles.vacate(slot);
+            self.mesh.forget_inner(slot);
             self.pulls.forget(slot);
             self.contacts.forget_particle(slot);
         }
@@ -169,6 +225,14 @@ impl State {
             ranges.gas.zip(wanted.gas).into_iter().for_each(|(number, gas)| self.set_gas(number, gas));
             let slots = (0..ranges.particles.len()).map(|particle| slot_of(particle as u32) as usize);
             self.set_family(slots, wanted.ignores_itself);
+            let edges = ranges.edges.clone();
+            if wanted.triangles.is_empty() {
+                let lengths = wanted.springs.iter().map(|(_, spring)| spring.length_at_rest());
+                self.mesh.set_rest_lengths(edges, lengths);
+            } else {
+                self.mesh
+                    .set_rest_lengths(edges, wanted.collision_edges().iter().map(|edge| edge.rest_length));
+            }
         }
         is_same
     }

@@ -51,7 +51,7 @@ pub(in crate::sync) fn turn_winches(
 
 /// Has a net come apart where springs broke in this tick, and publishes it. Returns whether any did.
 pub(super) fn publish_breaks(
-    commands: &mut Commands,
+    (commands, messages): (&mut Commands, &mut MessageWriter<Broke>),
     (entity, net, place): (Entity, &mut Mut<ParticleNet>, &NetPlace),
     broken: &[solver::Broken],
     state: &solver::State,
@@ -70,14 +70,16 @@ pub(super) fn publish_breaks(
     }
     let Damage { broken: parted, pieces } = net.come_apart(&ruptures);
     for broken in broken.iter().filter(is_own).filter(|broken| parted.contains(&number(broken))) {
-        commands.trigger(Broke {
+        let broke = Broke {
             entity,
             tick: report.tick,
             tension: broken.tension,
             point: broken.point + state.origin,
             spring: Some(number(broken)),
             pieces: Some(pieces),
-        });
+        };
+        commands.trigger(broke);
+        messages.write(broke);
         report.broken += 1;
     }
     true

@@ -1,7 +1,5 @@
 //! Arrays of nets into the solver.
 
-use std::sync::Arc;
-
 use bevy::ecs::change_detection::Tick;
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet};
 use bevy::prelude::*;
@@ -13,7 +11,7 @@ use super::super::teleport::Moved;
 use super::super::view::View;
 use super::place::elements;
 use super::registry::NetPlace;
-use crate::nets::{ParticleNet, Topology};
+use crate::nets::ParticleNet;
 use crate::parameter;
 use crate::solver::{PinnedMotion, State};
 
@@ -33,8 +31,8 @@ pub(in crate::sync) struct GatheredNets {
 #[derive(Debug, Clone)]
 pub(in crate::sync) struct KnownNet {
     entity: Entity,
-    /// What its elements and masses are those of; `None` if that is to be found out.
-    topology: Option<Arc<Topology>>,
+    /// The version of its topology; `None` if that is to be found out.
+    parameters: Option<u64>,
     /// The particles without a mass, in ascending order.
     pins: Vec<u32>,
     /// When the arrays were written: as long as they were not changed since, they are what the solver has.
@@ -74,8 +72,8 @@ impl GatheredNets {
                 continue;
             }
             state.is_outdated |= net.quarantined() != place.quarantined;
-            if known.topology.as_ref().is_none_or(|topology| !Arc::ptr_eq(topology, net.topology())) {
-                known.topology = None;
+            if known.parameters != Some(net.versions().parameters) {
+                known.parameters = None;
                 let fits = net.topology().validate().is_ok()
                     && net.len() == place.len()
                     && set_parameters(&mut state.solver, place, &net);
@@ -107,7 +105,7 @@ impl GatheredNets {
 
 impl KnownNet {
     fn unknown(entity: Entity) -> Self {
-        Self { entity, topology: None, pins: Vec::new(), written: None }
+        Self { entity, parameters: None, pins: Vec::new(), written: None }
     }
 }
 
@@ -145,7 +143,7 @@ pub(in crate::sync) fn gather_nets(
             is_bad: false,
         };
         gathering.find_pins(&mut gathered.pins);
-        let is_known = known.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, net.topology()));
+        let is_known = known.parameters == Some(net.versions().parameters);
         if !is_known {
             let fits = set_parameters(gathering.solver, place, &net);
             gathering.set_masses(&gathered.pins);
@@ -153,7 +151,7 @@ pub(in crate::sync) fn gather_nets(
             *is_outdated |= !fits;
             entry.is_relaid |= !fits;
             registry.is_pending |= !fits;
-            known.topology = Some(Arc::clone(net.topology()));
+            known.parameters = Some(net.versions().parameters);
             known.pins.clone_from(&gathered.pins);
         } else if known.pins != gathered.pins {
             gathering.change_pins(&known.pins, &gathered.pins);

@@ -1,6 +1,6 @@
 //! Parts of nets: what they do to their nets before a tick, and where they are after it.
 
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
@@ -138,7 +138,7 @@ impl ActingParts<'_, '_, '_, '_> {
             } else {
                 self.warnings.clear(entity);
             }
-            state.topology = Arc::downgrade(self.net.topology());
+            state.structure = self.net.versions().structure;
             if state.particles != found {
                 (state.particles, state.is_held) = (found, false);
                 self.gathered.relinked_parts.insert(entity);
@@ -385,7 +385,7 @@ pub(in crate::sync) fn relink_part(
     mut states: Query<&mut PartState, Allow<Disabled>>,
 ) {
     if let Ok(mut state) = states.get_mut(inserted.entity) {
-        state.topology = Weak::new();
+        state.structure = 0;
         state.is_held = false;
     }
 }

@@ -41,6 +41,7 @@ pub(in crate::sync) fn elements(topology: &Topology) -> NetElements<'_> {
         filament: (is_rope && drag > 0.0).then_some(Filament { diameter: 2.0 * radius, drag }),
         gas: topology.pressure.map(|pressure| Gas { pressure, rest_volume: rest_volume(topology) }),
         ignores_itself: topology.ignores_itself,
+        rest: &topology.positions,
     }
 }
 

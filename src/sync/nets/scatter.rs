@@ -10,7 +10,7 @@ use super::failure::{note_yields, publish_breaks};
 use super::gather::GatheredNets;
 use super::registry::NetPlace;
 use crate::nets::{Arrays, ParticleNet};
-use crate::report::{ParticleFault, TickReport};
+use crate::report::{Broke, ParticleFault, TickReport};
 use crate::settings::Dimensions;
 use crate::solver::particles::Particles;
 
@@ -28,7 +28,7 @@ pub(in crate::sync) fn scatter_nets(
     mut nets: Query<&mut ParticleNet>,
     dimensions: Res<Dimensions>,
     mut report: ResMut<TickReport>,
-    mut faults: MessageWriter<ParticleFault>,
+    (mut faults, mut broke): (MessageWriter<ParticleFault>, MessageWriter<Broke>),
 ) {
     let start = Instant::now();
     let MassSpringState { nets: registry, solver, is_outdated, .. } = &mut *state;
@@ -70,7 +70,13 @@ pub(in crate::sync) fn scatter_nets(
         note_yields((&mut net, place), &simulation.outputs.yielded, solver);
         let broken = &simulation.outputs.broken;
         if !broken.is_empty()
-            && publish_breaks(&mut commands, (entry.entity, &mut net, place), broken, solver, &mut report)
+            && publish_breaks(
+                (&mut commands, &mut broke),
+                (entry.entity, &mut net, place),
+                broken,
+                solver,
+                &mut report,
+            )
         {
             // Its topology is another one.
             known.written = None;

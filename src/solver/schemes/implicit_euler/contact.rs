@@ -9,9 +9,14 @@ use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::Linked;
 
 /// A particle that touches an obstacle or another particle, or may in this step.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Contact {
     pub node: usize,
+    /// The other particles that have a part in the point that touches, of an edge or a face; their nodes and weights.
+    pub others: [(usize, f64); 2],
+    /// The weight of the particle, and how many others there are.
+    pub weight: f64,
+    pub count: usize,
     pub partner: Partner,
     /// m.
     pub radius: f64,
@@ -44,7 +49,11 @@ pub(super) struct Contact {
 }
 
 /// What a particle touches.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most are obstacles, and a list of them is walked in each iteration"
+)]
 pub(super) enum Partner {
     Obstacle(Obstacle),
     /// Another node, which it is not to come closer to than `reach` m along `normal`.
@@ -67,6 +76,9 @@ impl Contact {
     pub fn new(node: usize, partner: Partner) -> Self {
         Self {
             node,
+            others: [(0, 0.0); 2],
+            weight: 1.0,
+            count: 0,
             partner,
             radius: 0.0,
             inertia: 0.0,
@@ -85,12 +97,21 @@ impl Contact {
         }
     }
 
+    /// Σ wᵢ vᵢ over the particles that touch.
+    pub fn point(&self, vectors: &[DVec3]) -> DVec3 {
+        if self.count == 0 {
+            return vectors[self.node];
+        }
+        let others = self.others[..self.count].iter().map(|(node, weight)| vectors[*node] * *weight);
+        vectors[self.node] * self.weight + others.sum::<DVec3>()
+    }
+
     /// The gap at these positions, m, and the direction towards the particle.
     fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
-        match self.partner {
-            Partner::Obstacle(obstacle) => obstacle.gap(position[self.node], self.radius),
+        match &self.partner {
+            Partner::Obstacle(obstacle) => obstacle.gap(self.point(position), self.radius),
             Partner::Node { node, normal, reach } => {
-                ((position[self.node] - position[node]).dot(normal) - reach, normal)
+                ((position[self.node] - position[*node]).dot(*normal) - reach, *normal)
             }
         }
     }
@@ -98,7 +119,7 @@ impl Contact {
     /// The way of the particle in the step, relative to what it touches, m.
     pub fn way(&self, position: &[DVec3]) -> DVec3 {
         let other = if let Partner::Node { node, .. } = self.partner { position[node] } else { DVec3::ZERO };
-        position[self.node] - other - self.origin
+        self.point(position) - other - self.origin
     }
 
     /// The slip along the surface, m.
@@ -145,7 +166,7 @@ impl Contact {
     pub fn pressing_speed(&self, pull: &[DVec3], h: f64) -> f64 {
         let other = if let Partner::Node { node, .. } = self.partner { pull[node] } else { DVec3::ZERO };
         // Inertia is m/h².
-        (-(pull[self.node] - other).dot(self.normal) / (self.inertia * h)).max(0.0)
+        (-(self.point(pull) - other).dot(self.normal) / (self.inertia * h)).max(0.0)
     }
 
     /// Holds what has touched where it is, or sends it back by `rebound`.
@@ -159,6 +180,10 @@ impl Contact {
     /// Adds a force on the particle, and a stiffness along and across the normal, N/m.
     fn add(&self, force: DVec3, [along, across]: [f64; 2], sums: &mut Sums) {
         let block = Symmetric::uniaxial(self.normal, along, across);
+        if self.count > 0 {
+            self.add_to_all(force, block, sums);
+            return;
+        }
         sums.right[self.node] += force;
         match self.partner {
             Partner::Obstacle(_) => sums.diagonal[self.node] += block,
@@ -170,6 +195,22 @@ impl Contact {
                 sums.compounds.push(Compound { nodes, weights, block });
             }
         }
+    }
+}
+
+impl Contact {
+    /// Adds a force on a point of several particles, and its stiffness.
+    fn add_to_all(&self, force: DVec3, block: Symmetric, sums: &mut Sums) {
+        let mut nodes = [self.node as u32; MAX_ENDS];
+        let mut weights = [0.0; MAX_ENDS];
+        weights[0] = self.weight;
+        sums.right[self.node] += force * self.weight;
+        for (place, (node, weight)) in self.others[..self.count].iter().enumerate() {
+            (nodes[place + 1], weights[place + 1]) = (*node as u32, *weight);
+            sums.right[*node] += force * *weight;
+        }
+        let nodes = Linked::new(u32::MAX, &nodes[..=self.count]);
+        sums.compounds.push(Compound { nodes, weights, block });
     }
 }
 

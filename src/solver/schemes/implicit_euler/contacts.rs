@@ -24,7 +24,9 @@ use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner, Sums};
 use super::newton::MAX_STEPS;
-use crate::solver::collision::{ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair};
+use crate::solver::collision::{
+    ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair, Surroundings,
+};
 use crate::solver::graph::{Elimination, are_of_one_family};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
@@ -40,7 +42,7 @@ const GROWTH: f64 = 30.0;
 const MAX_PASSES: usize = 5;
 
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
-const RECOVERY_SPEED: f64 = 0.1;
+pub(super) const RECOVERY_SPEED: f64 = 0.1;
 
 /// Below this speed friction is viscous, m/s: what sticks creeps by less.
 const CREEP: f64 = 1e-5;
@@ -61,7 +63,7 @@ const REACH: f64 = 4.0;
 /// The contacts of an island in one step.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Contacts {
-    contacts: Vec<Contact>,
+    pub(super) contacts: Vec<Contact>,
     /// K as a multiple of the inertia of the particle.
     stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
@@ -71,7 +73,7 @@ pub(super) struct Contacts {
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
-    reach: f64,
+    pub(super) reach: f64,
     mode: Mode,
     /// Whether other contacts held in the last linearisation than in the one before.
     pub changed: bool,
@@ -124,7 +126,13 @@ pub(super) struct Motion<'a> {
 
 impl Contacts {
     /// Looks for the contacts of a step.
-    pub fn begin(&mut self, motion: &Motion, obstacles: &Obstacles, filter: &PairFilter, least_reach: f64) {
+    pub fn begin(
+        &mut self,
+        motion: &Motion,
+        (obstacles, surroundings): (&Obstacles, Surroundings),
+        filter: &PairFilter,
+        least_reach: f64,
+    ) {
         let Motion { elimination, particles, start, flight, inertia, h } = *motion;
         self.contacts.clear();
         self.mode = Mode::Step;
@@ -138,29 +146,39 @@ impl Contacts {
         for node in free {
             let slot = elimination.slots[node];
             let radius = f64::from(particles.radius()[slot as usize]);
-            obstacles.near(start[node], radius, [self.reach, h], |obstacle| {
-                let surface_way = h * obstacle.velocity_at(start[node]);
-                // The obstacle is where it is at the end of the step.
-                let (gap, normal) = obstacle.gap(start[node] + surface_way, radius);
-                if let Some(pinned) = obstacle.pinned_slot()
-                    && (radius == 0.0 || !filter.may_collide(node, slot, pinned as u32, gap < 0.0))
-                {
-                    return;
-                }
-                let approach = (surface_way - (flight[node] - start[node])).dot(normal) / h;
-                let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
-                self.contacts.push(Contact {
-                    radius,
-                    inertia: inertia[node],
-                    allowed,
-                    origin: start[node] + surface_way,
-                    approach,
-                    normal,
-                    restitution: obstacle.restitution,
-                    friction: obstacle.friction,
-                    ..Contact::new(node, Partner::Obstacle(*obstacle))
-                });
-            });
+            let near = (slot as usize, surroundings);
+            obstacles.near(
+                near,
+                start[node],
+                radius,
+                [self.reach, h],
+                |obstacle, [restitution, friction]| {
+                    let surface_way = h * obstacle.motion_at(start[node]);
+                    let ways = [start[node], flight[node]];
+                    let obstacle =
+                        obstacle.met(ways, radius).unwrap_or_else(|| obstacle.seen_from(start[node]));
+                    // The obstacle is where it is at the end of the step.
+                    let (gap, normal) = obstacle.gap(start[node] + surface_way, radius);
+                    if let Some(pinned) = obstacle.pinned_slot()
+                        && (radius == 0.0 || !filter.may_collide(node, slot, pinned as u32, gap < 0.0))
+                    {
+                        return;
+                    }
+                    let approach = (surface_way - (flight[node] - start[node])).dot(normal) / h;
+                    let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
+                    self.contacts.push(Contact {
+                        radius,
+                        inertia: inertia[node],
+                        allowed,
+                        origin: start[node] + surface_way + h * obstacle.sliding(),
+                        approach,
+                        normal,
+                        restitution,
+                        friction,
+                        ..Contact::new(node, Partner::Obstacle(obstacle))
+                    });
+                },
+            );
         }
     }
 
@@ -196,7 +214,8 @@ impl Contacts {
 
     /// The nodes that were held in the last linearisation.
     pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
-        self.contacts.iter().filter(|contact| contact.force > 0.0).map(|contact| contact.node)
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.count == 0);
+        held.map(|contact| contact.node)
     }
 
     /// Whether there may be any contact.
@@ -331,14 +350,14 @@ impl Contacts {
         for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
             let Contact { node, normal, radius, force, restitution, .. } = *contact;
             let again = if contact.rebound > 0.0 { restitution } else { 0.0 };
-            let other = match contact.partner {
+            let other = match &contact.partner {
                 Partner::Obstacle(obstacle) => obstacle.partner,
-                Partner::Node { node, .. } => ContactPartner::Particle(elimination.slots[node] as usize),
+                Partner::Node { node, .. } => ContactPartner::Particle(elimination.slots[*node] as usize),
             };
             record(ContactRecord {
                 slot: elimination.slots[node] as usize,
                 other,
-                point: (position[node] - normal * radius).as_vec3(),
+                point: (contact.point(position) - normal * radius).as_vec3(),
                 normal: normal.as_vec3(),
                 impulse: (h * force * (1.0 + again)) as f32,
             });

@@ -22,6 +22,8 @@ mod conjugate_gradient;
 mod contact;
 mod contacts;
 mod core;
+mod coupling;
+mod features;
 mod gas;
 mod island;
 mod linearised;
@@ -42,6 +44,7 @@ use crate::solver::settings::Field;
 use crate::solver::state::Version;
 use clusters::Clusters;
 use contacts::{Motion, PairFilter};
+use features::IslandFeatures;
 use newton::{MAX_STEPS, Newton};
 use system::System;
 use tr_bdf2::{Context, Stages};
@@ -74,6 +77,8 @@ struct Island {
     pairs: Vec<StiffPair>,
     node_of: Vec<u32>,
     stages: Stages,
+    /// What of it collides between its particles.
+    features: IslandFeatures,
 }
 
 /// What the islands have in common in a step.
@@ -213,16 +218,20 @@ impl ImplicitEuler {
 impl Island {
     /// Solves the equations of the step, which the system has begun.
     fn solve(&mut self, particles: &Particles, step: Step) {
-        let Step { obstacles, sprung, surroundings: Surroundings { memory, settings, .. }, h, .. } = step;
-        let Self { elimination, system, newton, excluded, pairs, node_of, .. } = self;
+        let Step { obstacles, sprung, surroundings, h, .. } = step;
+        let Surroundings { memory, settings, .. } = surroundings;
+        let Self { elimination, system, newton, excluded, pairs, node_of, features, .. } = self;
         let filter = PairFilter { excluded, sprung, memory, families: particles.families() };
         let rules = settings.pair_rules.unwrap_or_default();
         let mut reach = 0.0;
         loop {
             let System { start, flight, inertia, contacts, .. } = &mut *system;
             let motion = Motion { elimination, particles, start, flight, inertia, h };
-            contacts.begin(&motion, obstacles, &filter, reach);
+            contacts.begin(&motion, (obstacles, surroundings), &filter, reach);
             contacts.add_pairs(&motion, pairs, node_of, rules);
+            if obstacles.any_thin() {
+                contacts.add_features(&motion, features, (obstacles, surroundings));
+            }
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
@@ -248,6 +257,10 @@ impl Island {
     ) {
         let Step { elements, field, h, .. } = step;
         self.stages.clear();
+        if step.obstacles.any_thin() {
+            let Surroundings { features, features_version, .. } = step.surroundings;
+            self.refresh_features(features, features_version, particles.len());
+        }
         self.system.begin(&self.elimination, particles, elements, field, h);
         self.solve(particles, step);
         self.balance();
@@ -286,11 +299,18 @@ impl Island {
         self.stages.begin_difference(&mut self.system, context, particles);
         self.newton.minimise(&mut self.system, &self.elimination, MAX_STEPS);
         self.balance();
+        if step.obstacles.any_thin() {
+            let Surroundings { features, features_version, .. } = step.surroundings;
+            self.refresh_features(features, features_version, particles.len());
+            if self.features_enter(particles, step) {
+                return false;
+            }
+        }
         let Self { elimination, system, stages, excluded, .. } = self;
         let context = step.context(elimination);
         let (memory, families) = (step.surroundings.memory, particles.families());
         let filter = PairFilter { excluded, sprung: step.sprung, memory, families };
-        if stages.enters_obstacle(system, context, particles, (step.obstacles, &filter))
+        if stages.enters_obstacle(system, context, particles, (step.obstacles, step.surroundings, &filter))
             || stages.gains_energy(system, context, particles)
         {
             return false;

@@ -8,6 +8,7 @@ use bevy::math::DVec3;
 use super::block::Symmetric;
 use super::contact;
 use super::contacts::Contacts;
+use super::coupling::TreeLink;
 use super::gas::{self, GasTerms};
 use super::linearised::Linearised;
 use super::wide::Wide;
@@ -66,6 +67,8 @@ pub(super) struct System {
     pub links: Vec<Link>,
     /// The elements of more ends.
     pub compounds: Vec<Compound>,
+    /// What contacts couple tree nodes by to their parents, by node.
+    pub tree_links: Vec<TreeLink>,
     /// What it encloses.
     pub gases: GasTerms,
     /// With what nothing in the step can move.
@@ -175,6 +178,7 @@ impl System {
         let Self { contacts, gases, position, right, diagonal, compounds, load, .. } = self;
         let core = core + gases.linearise(elimination, position, *load, right);
         let touched = contacts.linearise(position, contact::Sums { right, diagonal, compounds });
+        self.route_contacts(elimination);
         let trees = match elimination.bent.is_empty() {
             true => self.eliminate_trees(elimination),
             false => self.eliminate_wide(elimination),
@@ -283,6 +287,7 @@ impl System {
     fn eliminate_trees(&mut self, elimination: &Elimination) -> f64 {
         let mut energy = 0.0;
         let (sums, load) = (&mut self.sums, self.load);
+        let mut touching = self.tree_links.iter().peekable();
         for (node, eliminated) in self.eliminated.iter_mut().enumerate() {
             let parent = elimination.parents[node] as usize;
             let position = self.position[node];
@@ -308,6 +313,11 @@ impl System {
                     link += block;
                     self.right[parent] -= force;
                 }
+            }
+            while let Some(touch) = touching.next_if(|touch| touch.node == node) {
+                // What is on the diagonal of the parent has been added already.
+                self.diagonal[parent] += touch.block;
+                link -= touch.block;
             }
             let factor = own.factor(inertia);
             let coupling = factor.solve_columns(&link);

@@ -35,7 +35,7 @@ use super::gas;
 use super::linearised::Linearised;
 use super::system::{Compound, System, combine};
 use super::write;
-use crate::solver::collision::Obstacles;
+use crate::solver::collision::{Obstacles, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::graph::Elimination;
 use crate::solver::particles::{Particles, Vectors};
@@ -282,19 +282,25 @@ impl Stages {
         system: &System,
         context: Context,
         particles: &Particles,
-        (obstacles, filter): (&Obstacles, &PairFilter),
+        (obstacles, surroundings, filter): (&Obstacles, Surroundings, &PairFilter),
     ) -> bool {
         let Context { elimination, h, .. } = context;
         let enters = |(node, &slot): (usize, &u32)| {
             let radius = f64::from(particles.radius()[slot as usize]);
             let mut any = false;
-            obstacles.near(system.position[node], radius, [0.0; 2], |obstacle| {
-                let start = self.start[node].position;
-                let overlaps = || obstacle.gap(start + h * obstacle.velocity_at(start), radius).0 < 0.0;
+            let near = (slot as usize, surroundings);
+            let (start, end) = (self.start[node].position, system.position[node]);
+            obstacles.near(near, end, radius, [0.0; 2], |obstacle, _| {
+                let overlaps = || obstacle.gap(start + h * obstacle.motion_at(start), radius).0 < 0.0;
                 any |= obstacle.pinned_slot().is_none_or(|pinned| {
                     radius > 0.0 && filter.may_collide(node, slot, pinned as u32, overlaps())
                 });
             });
+            if !any && obstacles.any_thin() {
+                obstacles.near(near, start, radius, [start.distance(end), h], |obstacle, _| {
+                    any |= obstacle.met([start, end], radius).is_some();
+                });
+            }
             any
         };
         !obstacles.is_empty() && elimination.slots[..elimination.free].iter().enumerate().any(enters)

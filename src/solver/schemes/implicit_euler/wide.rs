@@ -74,6 +74,7 @@ impl System {
         self.wide.nodes.iter_mut().for_each(|node| node.couplings = [DMat3::ZERO; 2]);
         self.wide.fills.fill(DMat3::ZERO);
         let mut compounds_start = 0;
+        let mut touching = 0;
         for (node, bent) in elimination.bent.iter().enumerate() {
             let apart = self.position[node] - self.flight[node];
             let (pulled, inertia) = (apart.length_squared(), self.inertia[node]);
@@ -93,6 +94,12 @@ impl System {
             compounds_start = compounds.end;
             for compound in compounds {
                 energy += self.add_compound(elimination, compound, &mut row);
+            }
+            while let Some(touch) = self.tree_links.get(touching).filter(|touch| touch.node == node) {
+                touching += 1;
+                if let Some(which) = row.parents.iter().position(|parent| *parent == touch.parent) {
+                    row.couplings[which] += touch.block.matrix();
+                }
             }
             (self.right[node], self.diagonal[node]) = Default::default();
             self.eliminate(row, inertia, bent);

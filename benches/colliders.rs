@@ -1,0 +1,98 @@
+//! Particles and ropes against colliders, on one thread: `cargo bench --bench colliders`, or in a hurry with
+//! `-- --quick`. Each is a tick of 1/60 s with 4 substeps of semi-implicit Euler.
+
+use bevy::math::{Quat, Vec3, ops};
+use bevy_mass_spring::solver::{
+    Collider, Integrator, Material, Pose, Shape, Solver, Spring, StepSettings, SubstepMode,
+};
+use criterion::{Criterion, criterion_group, criterion_main};
+
+fn settings() -> StepSettings {
+    StepSettings {
+        integrator: Integrator::SemiImplicitEuler,
+        substeps: SubstepMode::Fixed(4),
+        gravity: Vec3::NEG_Y * 9.81,
+        ..StepSettings::default()
+    }
+}
+
+/// Hills of `cells`² cells on a square of 20 m.
+fn hills(cells: u32) -> Shape {
+    let place = |number: u32| 20.0 * (number as f32 / cells as f32 - 0.5);
+    let corner = |row, column| {
+        let (x, z) = (place(column), place(row));
+        Vec3::new(x, 0.5 * ops::sin(x) * ops::cos(0.7 * z), z)
+    };
+    let vertices: Vec<Vec3> =
+        (0..=cells).flat_map(|row| (0..=cells).map(move |column| corner(row, column))).collect();
+    let at = |row: u32, column: u32| row * (cells + 1) + column;
+    let cell = |(row, column)| {
+        let [a, b] = [at(row, column), at(row, column + 1)];
+        let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
+        [[a, c, b], [b, c, d]]
+    };
+    let cells = (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column)));
+    let triangles: Vec<[u32; 3]> = cells.flat_map(cell).collect();
+    Shape::mesh(&vertices, &triangles, true).expect("it is sound")
+}
+
+fn resting(shape: Shape, point: Vec3) -> Collider {
+    let material = Material { friction: 0.5, ..Material::default() };
+    Collider { material, ..Collider::resting(shape, Pose { point, rotation: Quat::IDENTITY }) }
+}
+
+/// 10,000 particles on a mesh of 5,000 triangles: where they lie after they have fallen.
+fn mesh(criterion: &mut Criterion) {
+    for (name, seconds) in [("falling", 0), ("lying", 3)] {
+        let mut solver = Solver::default();
+        for number in 0..10_000_u32 {
+            let (row, column) = (number / 100, number % 100);
+            let place = Vec3::new(0.18 * column as f32 - 9.0, 1.2, 0.18 * row as f32 - 9.0);
+            solver.add_particle(place, Vec3::ZERO, 0.1, 0.05).expect("it is sound");
+        }
+        solver.add_collider(resting(hills(50), Vec3::ZERO));
+        for _ in 0..60 * seconds {
+            solver.step(&settings());
+        }
+        let name = format!("10,000 particles and 5,000 triangles, {name}");
+        criterion.bench_function(&name, |bencher| bencher.iter(|| solver.step(&settings()).contact_count));
+    }
+}
+
+/// 100 ropes of 20 links, held at one end, among the boxes that are near; and 990 more that are not.
+fn many(criterion: &mut Criterion) {
+    for colliders in [0_u16, 10, 1000] {
+        let mut solver = Solver::default();
+        for rope in 0..100_u16 {
+            let top = Vec3::new(f32::from(rope % 10), 3.0, f32::from(rope / 10));
+            let mut last = None;
+            for link in 0..=20_u8 {
+                let place = top + Vec3::new(0.02, -0.1, 0.0) * f32::from(link);
+                let mass = if link == 0 { f32::INFINITY } else { 0.01 };
+                let slot = solver.add_particle(place, Vec3::ZERO, mass, 0.01).expect("it is sound");
+                if let Some(last) = last {
+                    let rest_length = 0.102;
+                    let spring = Spring { rest_length, stiffness: 200.0, damping: 0.05, ..Spring::default() };
+                    solver.add_spring([last, slot], spring).expect("it is sound");
+                    solver.add_collision_edge([last, slot]).expect("it is sound");
+                }
+                last = Some(slot);
+            }
+        }
+        for number in 0..colliders {
+            let near = number < 10;
+            let number = f32::from(number);
+            let place =
+                if near { Vec3::new(number + 0.3, 1.5, number) } else { Vec3::new(40.0 + number, 0.0, 0.0) };
+            solver.add_collider(resting(Shape::cuboid(Vec3::splat(0.2)), place));
+        }
+        for _ in 0..60 {
+            solver.step(&settings());
+        }
+        let name = format!("100 ropes, {colliders} colliders");
+        criterion.bench_function(&name, |bencher| bencher.iter(|| solver.step(&settings()).contact_count));
+    }
+}
+
+criterion_group!(benches, mesh, many);
+criterion_main!(benches);

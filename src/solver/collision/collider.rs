@@ -1,0 +1,184 @@
+//! Colliders: solids that move as they are told, and where they are in a substep.
+
+use bevy::math::{DVec3, Quat, Vec3};
+
+use super::material::{Layers, Material};
+use super::plane::Pose;
+use super::shapes::{Bounds, MovingTree, Placement, Shape};
+
+/// A solid that moves from `start` to `target` during the tick.
+#[derive(Debug, Clone)]
+pub struct Collider {
+    /// What it looks like.
+    pub shape: Shape,
+    /// Pose at the start of the tick.
+    pub start: Pose,
+    /// Pose at the end of the tick.
+    pub target: Pose,
+    /// How it rebounds and rubs.
+    pub material: Material,
+    /// The velocity of its surface in its own axes, beside that of its motion, m/s: a conveyor.
+    pub surface_velocity: Vec3,
+    /// Which particles it touches.
+    pub layers: Layers,
+    /// Whether it lets all through, and is told of in the contacts only.
+    pub is_sensor: bool,
+}
+
+impl Collider {
+    /// One at rest, without friction, that touches all.
+    pub fn resting(shape: Shape, pose: Pose) -> Self {
+        Self {
+            shape,
+            start: pose,
+            target: pose,
+            material: Material::default(),
+            surface_velocity: Vec3::ZERO,
+            layers: Layers::ALL,
+            is_sensor: false,
+        }
+    }
+
+    /// The half-space below a plane at rest through `point` with unit normal `normal`.
+    pub fn half_space(point: Vec3, normal: Vec3, restitution: f32, friction: f32) -> Self {
+        let pose = Pose { point, rotation: Quat::from_rotation_arc(Vec3::Y, normal) };
+        let material = Material { restitution, friction, ..Material::default() };
+        Self { material, ..Self::resting(Shape::HALF_SPACE, pose) }
+    }
+
+    /// Whether it is a solid half-space, for which particles are tested in vectors.
+    pub(super) fn is_plane(&self) -> bool {
+        self.shape.is_half_space() && !self.is_sensor
+    }
+
+    /// What bounds it during the whole tick.
+    pub(super) fn bounds(&self) -> Bounds {
+        let Self { shape, start, target, .. } = self;
+        if start.rotation == target.rotation {
+            return shape.bounds(*start).union(shape.bounds(*target));
+        }
+        let reach = shape.reach();
+        Bounds::of_sphere(start.point, reach).union(Bounds::of_sphere(target.point, reach))
+    }
+
+    /// Where it is between two parts of the tick of `time_step` seconds.
+    pub(super) fn between(&self, [from, to]: [f32; 2], time_step: f32) -> Moment {
+        let Self { start, target, .. } = self;
+        if !self.moves() {
+            let place = Placement::new(*target);
+            return Moment { from: place, to: place, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO };
+        }
+        let change = (target.rotation.as_dquat() * start.rotation.as_dquat().inverse()).normalize();
+        let change = if change.w < 0.0 { -change } else { change };
+        let time_step = f64::from(time_step);
+        Moment {
+            from: Placement::between(*start, *target, from.into()),
+            to: Placement::between(*start, *target, to.into()),
+            velocity: (target.point.as_dvec3() - start.point.as_dvec3()) / time_step,
+            angular_velocity: change.to_scaled_axis() / time_step,
+        }
+    }
+}
+
+/// A collider in a substep.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver) struct Moment {
+    /// Where it is at the start of it, and at its end.
+    pub from: Placement,
+    pub to: Placement,
+    /// m/s.
+    pub velocity: DVec3,
+    /// rad/s.
+    pub angular_velocity: DVec3,
+}
+
+impl Moment {
+    /// The velocity of its surface at a point at the end, m/s, that of a conveyor included.
+    pub fn velocity_at(&self, collider: &Collider, point: DVec3) -> DVec3 {
+        self.velocity + self.angular_velocity.cross(point - self.to.point) + self.sliding(collider)
+    }
+
+    /// The velocity of a conveyor, m/s.
+    pub fn sliding(&self, collider: &Collider) -> DVec3 {
+        self.to.rotation * collider.surface_velocity.as_dvec3()
+    }
+}
+
+/// The colliders that are no solid half-spaces: where they are, and a tree of them.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Placed {
+    /// Their numbers among all colliders.
+    pub numbers: Vec<u32>,
+    /// What bounds each of them during the tick.
+    pub bounds: Vec<Bounds>,
+    pub moments: Vec<Moment>,
+    tree: MovingTree,
+    /// Whether any of them moves in the tick.
+    any_motion: bool,
+}
+
+impl Placed {
+    /// To be called when a tick begins.
+    pub fn begin_tick(&mut self, colliders: &[Collider], time_step: f32) {
+        self.numbers.clear();
+        self.bounds.clear();
+        self.moments.clear();
+        self.any_motion = false;
+        let solid = (0..).zip(colliders).filter(|(_, collider)| !collider.is_plane());
+        for (number, collider) in solid {
+            self.numbers.push(number);
+            self.bounds.push(collider.bounds());
+            self.moments.push(collider.between([0.0, 1.0], time_step));
+            self.any_motion |= collider.moves();
+        }
+        self.tree.refresh(&self.bounds);
+    }
+
+    /// To be called when a substep between two parts of the tick begins.
+    pub fn begin_substep(&mut self, colliders: &[Collider], parts: [f32; 2], time_step: f32) {
+        if !self.any_motion {
+            return;
+        }
+        for (number, moment) in self.numbers.iter().zip(&mut self.moments) {
+            let collider = &colliders[*number as usize];
+            if collider.moves() {
+                *moment = collider.between(parts, time_step);
+            }
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.numbers.is_empty()
+    }
+
+    /// Writes the places of those that may overlap these bounds into `near`, in order.
+    pub fn near(&self, bounds: &Bounds, near: &mut Vec<u32>) {
+        near.clear();
+        self.tree.overlapping(bounds, |place| {
+            if self.bounds[place as usize].overlaps(bounds) {
+                near.push(place);
+            }
+        });
+        near.sort_unstable();
+    }
+
+    /// Calls `visit` with the places of those that may overlap these bounds, in order.
+    pub fn for_each_near(&self, bounds: &Bounds, mut visit: impl FnMut(usize)) {
+        // Few are near a particle: each is found by the least place above that of the last one.
+        let mut next = 0;
+        loop {
+            let mut least = u32::MAX;
+            self.tree.overlapping(bounds, |place| {
+                if place >= next && place < least && self.bounds[place as usize].overlaps(bounds) {
+                    least = place;
+                }
+            });
+            if least == u32::MAX {
+                return;
+            }
+            visit(least as usize);
+            next = least + 1;
+        }
+    }
+}

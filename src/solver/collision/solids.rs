@@ -1,0 +1,58 @@
+//! Colliders that are no half-spaces, in the course of a tick.
+
+use super::collider::{Collider, Placed};
+use super::features::Feature;
+use super::touch_search::Search;
+use super::{ContactCaches, Substep};
+use crate::solver::elements::{CollisionMesh, Elements};
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::settings::StepSettings;
+use crate::solver::state::Version;
+
+impl ContactCaches {
+    /// To be called when a tick begins.
+    pub fn begin_tick(
+        &mut self,
+        colliders: &[Collider],
+        (mesh, elements): (&CollisionMesh, &Elements),
+        settings: &StepSettings,
+    ) {
+        let colliders = if settings.collide_with_colliders { colliders } else { &[] };
+        self.placed.begin_tick(colliders, settings.time_step);
+        if !self.placed.is_empty() {
+            self.features.refresh(mesh, elements, settings.collide_springs);
+        }
+    }
+
+    /// What of nets collides between particles, and its version.
+    pub fn features(&self) -> (&[Feature], Version) {
+        (self.features.all(), self.features.version())
+    }
+
+    /// Finds what touches them, and puts back what would have passed through one.
+    pub(super) fn find_touches(&mut self, particles: &mut Particles, substep: Substep, senses: bool) {
+        let Self { placed, touches, features, previous, is_implicit, .. } = self;
+        if placed.is_empty() {
+            touches.clear();
+            return;
+        }
+        let Substep { colliders, settings, duration, elapsed, .. } = substep;
+        let before = elapsed - duration / settings.time_step;
+        placed.begin_substep(colliders, [before, elapsed], settings.time_step);
+        touches.find(search(substep, placed, particles, (previous, is_implicit), senses));
+        touches.put_back(particles);
+        features.find(search(substep, placed, particles, (previous, is_implicit), senses), &mut touches.all);
+    }
+}
+
+fn search<'a>(
+    substep: Substep<'a>,
+    placed: &'a Placed,
+    particles: &'a Particles,
+    (previous, is_implicit): (&'a Vectors, &'a [bool]),
+    senses: bool,
+) -> Search<'a> {
+    let Substep { colliders, skins, acceleration, .. } = substep;
+    let rebound = substep.rebound();
+    Search { colliders, placed, particles, previous, acceleration, skins, is_implicit, rebound, senses }
+}

@@ -1,0 +1,103 @@
+//! Contacts with colliders that are no half-spaces, after a substep: each is answered as one with the plane that touches
+//! the surface there (`plane.rs`).
+//!
+//! What touches is a point of the net, Σ wᵢ xᵢ of up to three particles: a particle, a point of an edge, or one of a
+//! face. An impulse λ n changes their velocities by λ wᵢ n / mᵢ, so that the point answers to it as a mass
+//! 1 / Σ wᵢ²/mᵢ.
+
+use bevy::math::Vec3A;
+
+use super::bodies::Body;
+use super::response::{friction, tangential};
+
+/// Particles of a point, at most.
+pub(super) const MAX_POINTS: usize = 3;
+
+/// A point of the net that touches a collider.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Touch {
+    /// The slots of its particles.
+    pub slots: [u32; MAX_POINTS],
+    /// The same among the bodies.
+    pub bodies: [u32; MAX_POINTS],
+    /// The first `count` have a part in it.
+    pub count: usize,
+    pub weights: [f32; MAX_POINTS],
+    /// wᵢ/mᵢ / Σ wⱼ²/mⱼ: by how much a particle moves where the point moves by 1.
+    pub shares: [f32; MAX_POINTS],
+    /// The number of the collider.
+    pub collider: u32,
+    /// Of the surface, towards the point.
+    pub normal: Vec3A,
+    /// Where the point was when it was found, m, and how deep then.
+    pub place: Vec3A,
+    pub depth: f32,
+    /// Its radius there, m.
+    pub radius: f32,
+    pub surface_velocity: Vec3A,
+    pub target_velocity: f32,
+    pub friction: f32,
+    /// 1 / Σ wᵢ²/mᵢ, kg.
+    pub mass: f32,
+    /// Normal impulse given so far in this substep, N·s.
+    pub impulse: f32,
+}
+
+impl Touch {
+    /// Σ wᵢ · the value of each body.
+    #[inline]
+    fn sum(&self, bodies: &[Body], value: impl Fn(&Body) -> Vec3A) -> Vec3A {
+        if self.count == 1 {
+            return value(&bodies[self.bodies[0] as usize]);
+        }
+        let each = self.bodies[..self.count].iter().zip(self.weights);
+        each.map(|(body, weight)| value(&bodies[*body as usize]) * weight).sum()
+    }
+
+    #[inline]
+    fn each<'a>(&'a self, bodies: &'a mut [Body], mut change: impl FnMut(&mut Body, f32)) {
+        for (body, share) in self.bodies[..self.count].iter().zip(self.shares) {
+            change(&mut bodies[*body as usize], share);
+        }
+    }
+
+    /// Gives the point its velocity after the contact, unless it moves away already, and friction.
+    pub fn solve_velocity(&mut self, bodies: &mut [Body]) {
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        let change = self.target_velocity - relative.dot(self.normal);
+        // Neither of NaN.
+        if change.is_nan() || change <= 0.0 {
+            return;
+        }
+        let rubbed = friction(tangential(relative, self.normal), self.friction * change);
+        let change_of_velocity = self.normal * change + rubbed;
+        self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
+        self.impulse += change * self.mass;
+    }
+
+    /// Takes note whether the point slips, at more than `tolerance` m/s, or is moved along.
+    pub fn note_slip(&self, bodies: &mut [Body], tolerance: f32) {
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        let slip = tangential(relative, self.normal);
+        let slips = self.friction == 0.0 || slip.length_squared() > tolerance * tolerance;
+        if (self.impulse > 0.0 && slips) || self.surface_velocity != Vec3A::ZERO {
+            self.each(bodies, |body, _| body.slips = true);
+        }
+    }
+
+    /// Puts the point back onto the surface; static friction, back to where it stuck.
+    pub fn solve_position(&self, bodies: &mut [Body], substep: f32) {
+        let place = self.sum(bodies, |body| body.position);
+        let depth = self.depth - (place - self.place).dot(self.normal);
+        // Neither of NaN.
+        if depth.is_nan() || depth <= 0.0 {
+            return;
+        }
+        let mut correction = self.normal * depth;
+        if self.friction > 0.0 {
+            let slip = self.sum(bodies, Body::moved) - self.surface_velocity * substep;
+            correction += friction(tangential(slip, self.normal), self.friction * depth);
+        }
+        self.each(bodies, |body, share| body.position += correction * share);
+    }
+}

@@ -1,0 +1,345 @@
+//! Which particles touch which colliders at the end of a substep, and where those are put that would have passed through
+//! one in it.
+//!
+//! Particles are looked at in chunks of consecutive slots: where the box of a chunk and of its way overlaps no collider,
+//! nothing more is done. What moves by more than half its radius in the substep, relative to a collider, is swept: it
+//! meets the plane that touches the surface where the two first meet on the straight way, however thin the solid is, and
+//! however far beyond it the way leads. It keeps its motion along that plane, as what slides on a half-space does.
+
+use bevy::math::{DVec3, Vec3, Vec3A};
+
+use crate::solver::parallel;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::state::Version;
+
+use super::collider::{Collider, Placed};
+use super::material::{Skin, skin_of};
+use super::response::{Approach, Rebound};
+use super::shapes::{Bounds, Nearest, Shape};
+use super::touch::Touch;
+
+/// Number of consecutive particles that are looked for together.
+const CHUNK: usize = 32;
+
+/// Number of chunks that one thread takes at a time.
+const CHUNKS_PER_PART: usize = 32;
+
+/// Number of particles from which on the parts are shared among threads.
+const MIN_SHARED: usize = 4096;
+
+/// The way in a substep above which a particle is swept, as a part of its radius; it is put where its centre is as near
+/// to the surface as that.
+const SWEPT_WAY: f64 = 0.5;
+
+/// Surfaces that one particle meets in a substep, at most.
+const MAX_MEETINGS: usize = 8;
+
+/// What a substep has of the surroundings of the particles.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    pub colliders: &'a [Collider],
+    pub placed: &'a Placed,
+    pub particles: &'a Particles,
+    /// Positions at the start of the substep, m.
+    pub previous: &'a Vectors,
+    /// Of the last evaluation of the forces, m/s².
+    pub acceleration: &'a Vectors,
+    pub skins: &'a [Skin],
+    /// Whether an implicit step has seen to the particle in each slot.
+    pub is_implicit: &'a [bool],
+    pub rebound: Rebound,
+    /// Whether sensors are asked for.
+    pub senses: bool,
+}
+
+/// What a search has found.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Touches {
+    /// In the order of their first particles.
+    pub all: Vec<Touch>,
+    /// The slots and numbers of colliders that are sensors.
+    pub sensed: Vec<(u32, u32)>,
+    parts: Vec<Part>,
+}
+
+/// What has been found of a part of the particles.
+#[derive(Debug, Clone, Default)]
+struct Part {
+    /// Its first slot.
+    start: usize,
+    touches: Vec<Touch>,
+    sensed: Vec<(u32, u32)>,
+    /// Where swept particles are put, m.
+    moved: Vec<(u32, DVec3)>,
+    /// Working memory: what is near a chunk.
+    near: Vec<u32>,
+    /// By slot, from the first one of the part: which mesh it was far from when it was last looked at, where in the axes of
+    /// that, and by how much, m. Where it has moved by less than that since, it touches nothing: a cache.
+    clearances: Vec<Clearance>,
+}
+
+/// How far a particle was from a mesh.
+#[derive(Debug, Clone, Copy, Default)]
+struct Clearance {
+    mesh: Version,
+    place: Vec3,
+    distance: f32,
+}
+
+impl Clearance {
+    /// Whether a ball of `radius` m at a place in the axes of the mesh cannot touch it.
+    fn holds(&self, mesh: Version, place: DVec3, radius: f64) -> bool {
+        let moved = place.distance(self.place.as_dvec3()) * (1.0 + 1e-6);
+        self.mesh == mesh && f64::from(self.distance) - moved > radius
+    }
+
+    fn new(mesh: Version, place: DVec3, distance: f64) -> Self {
+        let rounding = 1e-6 * (place.abs().max_element() + distance);
+        Self { mesh, place: place.as_vec3(), distance: (distance - rounding) as f32 }
+    }
+}
+
+/// A plane that a particle meets.
+#[derive(Debug, Clone, Copy)]
+struct Meeting {
+    place: usize,
+    foot: DVec3,
+    normal: DVec3,
+    /// How deep it would have come, m.
+    depth: f64,
+}
+
+/// How far a coordinate of this size may be off by rounding, m.
+pub(super) fn rounding(position: DVec3, radius: f64, foot: DVec3) -> f64 {
+    let size = position.abs().element_sum() + radius + foot.abs().element_sum();
+    4.0 * f64::from(f32::EPSILON) * size
+}
+
+impl Touches {
+    /// Removes what was found.
+    pub fn clear(&mut self) {
+        self.all.clear();
+        self.sensed.clear();
+    }
+
+    /// Finds the free particles that touch colliders.
+    pub fn find(&mut self, search: Search) {
+        self.clear();
+        let count = search.particles.len();
+        let size = CHUNK * CHUNKS_PER_PART;
+        self.parts.resize_with(count.div_ceil(size), Part::default);
+        let parts = self.parts.iter_mut().zip((0..count).step_by(size));
+        parallel::for_each(parts, count >= MIN_SHARED, |(part, start)| {
+            part.find(search, start..count.min(start + size));
+        });
+        for part in &mut self.parts {
+            self.all.append(&mut part.touches);
+            self.sensed.append(&mut part.sensed);
+        }
+    }
+
+    /// Puts those back that would have passed through a collider.
+    pub fn put_back(&mut self, particles: &mut Particles) {
+        for (slot, position) in self.parts.iter_mut().flat_map(|part| part.moved.drain(..)) {
+            particles.position.set(slot as usize, position.as_vec3());
+        }
+    }
+
+    /// Takes note of the bodies that the particles are in this substep.
+    pub fn number_bodies(&mut self, body_of: &[u32]) {
+        for touch in &mut self.all {
+            touch.bodies = touch.slots.map(|slot| body_of[slot as usize]);
+        }
+    }
+}
+
+impl Part {
+    fn find(&mut self, search: Search, slots: std::ops::Range<usize>) {
+        let mut near = std::mem::take(&mut self.near);
+        self.start = slots.start;
+        for start in slots.clone().step_by(CHUNK) {
+            let chunk = start..slots.end.min(start + CHUNK);
+            search.placed.near(&search.bounds_of(chunk.clone()), &mut near);
+            if near.is_empty() {
+                continue;
+            }
+            for slot in chunk {
+                let is_implicit = search.is_implicit.get(slot) == Some(&true);
+                if search.particles.inverse_mass()[slot] == 0.0 {
+                    continue;
+                }
+                let own = search.bounds_of(slot..slot + 1);
+                if near.iter().any(|place| search.placed.bounds[*place as usize].overlaps(&own)) {
+                    self.look_at(search, slot, &near, &own, is_implicit);
+                }
+            }
+        }
+        self.near = near;
+    }
+
+    /// Finds what one particle meets.
+    fn look_at(&mut self, search: Search, slot: usize, near: &[u32], own: &Bounds, is_implicit: bool) {
+        let Search { colliders, placed, particles, previous, skins, .. } = search;
+        let skin = skin_of(skins, slot);
+        let radius = f64::from(particles.radius()[slot]);
+        let end = particles.position.get(slot).as_dvec3();
+        let collider = |place: usize| &colliders[placed.numbers[place] as usize];
+        let candidates = || {
+            let near = near.iter().map(|place| *place as usize);
+            near.filter(|place| {
+                placed.bounds[*place].overlaps(own) && skin.layers.meet(collider(*place).layers)
+            })
+        };
+        if search.senses {
+            for place in candidates().filter(|place| collider(*place).is_sensor) {
+                let local = placed.moments[place].to.to_local(end);
+                if collider(place).shape.nearest(local, 0.0).distance <= radius {
+                    self.sensed.push((slot as u32, placed.numbers[place]));
+                }
+            }
+        }
+        if is_implicit {
+            return;
+        }
+        let start = previous.get(slot).as_dvec3();
+        let solid = || candidates().filter(|place| !collider(*place).is_sensor);
+        let mut meetings: [Option<Meeting>; MAX_MEETINGS] = [None; MAX_MEETINGS];
+        let mut position = end;
+        for meeting in &mut meetings {
+            let Some(found) = search.first_meeting(solid(), [start, position], radius) else { break };
+            *meeting = Some(found);
+            let kept = SWEPT_WAY * radius + rounding(position, radius, found.foot);
+            position += found.normal * (kept - (position - found.foot).dot(found.normal));
+        }
+        if meetings[MAX_MEETINGS - 1].is_some() {
+            // Caught between surfaces: it stays where it was.
+            position = start;
+        }
+        if position != end {
+            self.moved.push((slot as u32, position));
+        }
+        let meetings = || meetings.iter().flatten();
+        meetings().for_each(|meeting| self.touches.push(search.touch(slot, *meeting, position)));
+        for place in solid().filter(|place| meetings().all(|meeting| meeting.place != *place)) {
+            let to = placed.moments[place].to;
+            let within = radius + 1.1 * rounding(position, radius, position);
+            let nearest = self.nearest(slot, &collider(place).shape, to.to_local(position), within);
+            let Some(nearest) = nearest else { continue };
+            let normal = to.direction(&collider(place).shape, nearest.normal);
+            let foot = position - normal * nearest.distance;
+            let depth = radius - nearest.distance;
+            if depth >= -rounding(position, radius, foot) {
+                let depth = depth.max(0.0);
+                self.touches.push(search.touch(slot, Meeting { place, foot, normal, depth }, position));
+            }
+        }
+    }
+}
+
+impl Part {
+    /// The nearest point of a shape, if it is at most `within` m away.
+    fn nearest(&mut self, slot: usize, shape: &Shape, local: DVec3, within: f64) -> Option<Nearest> {
+        if let Some(nearest) = shape.nearest_within(local, within) {
+            return Some(nearest);
+        }
+        let place = slot - self.start;
+        let mesh = shape.version();
+        if self.clearances.get(place).is_some_and(|known| known.holds(mesh, local, within)) {
+            return None;
+        }
+        let nearest = shape.nearest(local, 0.0);
+        if nearest.distance <= within {
+            return Some(nearest);
+        }
+        if self.clearances.is_empty() {
+            self.clearances.resize(CHUNK * CHUNKS_PER_PART, Clearance::default());
+        }
+        self.clearances[place] = Clearance::new(mesh, local, nearest.distance);
+        None
+    }
+}
+
+impl Search<'_> {
+    /// What bounds consecutive particles and their ways in the substep.
+    fn bounds_of(&self, slots: std::ops::Range<usize>) -> Bounds {
+        let radius = &self.particles.radius()[slots.clone()];
+        let mut bounds = Bounds::EMPTY;
+        let axes = self.particles.position.axes().into_iter().zip(self.previous.axes()).enumerate();
+        for (axis, (now, before)) in axes {
+            let (now, before) = (&now[slots.clone()], &before[slots.clone()]);
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+            for ((now, before), radius) in now.iter().zip(before).zip(radius) {
+                low = low.min(now.min(*before) - radius);
+                high = high.max(now.max(*before) + radius);
+            }
+            // What rounding may take for a touch.
+            let margin = 16.0 * f32::EPSILON * (low.abs() + high.abs());
+            (bounds.low[axis], bounds.high[axis]) = (low - margin, high + margin);
+        }
+        bounds
+    }
+
+    /// The first of these colliders that a particle meets on its way, if it is so fast that it is to be swept.
+    fn first_meeting(
+        &self,
+        places: impl Iterator<Item = usize>,
+        [start, end]: [DVec3; 2],
+        radius: f64,
+    ) -> Option<Meeting> {
+        let kept = SWEPT_WAY * radius;
+        let mut first: Option<(f64, Meeting)> = None;
+        for place in places {
+            let moment = &self.placed.moments[place];
+            let (from, to) = (moment.from.to_local(start), moment.to.to_local(end));
+            if from.distance_squared(to) <= kept * kept {
+                continue;
+            }
+            let shape = &self.colliders[self.placed.numbers[place] as usize].shape;
+            let Some(touch) = shape.first_touch(from, to, kept) else { continue };
+            if first.as_ref().is_none_or(|(time, _)| touch.time < *time) {
+                let (foot, normal) =
+                    (moment.to.to_world(touch.foot), moment.to.direction(shape, touch.normal));
+                let depth = (radius - (end - foot).dot(normal)).max(0.0);
+                first = Some((touch.time, Meeting { place, foot, normal, depth }));
+            }
+        }
+        first.map(|(_, meeting)| meeting)
+    }
+
+    /// The contact of a particle that is at `position` with a plane that it has met.
+    fn touch(&self, slot: usize, meeting: Meeting, position: DVec3) -> Touch {
+        let Meeting { place, foot, normal, depth } = meeting;
+        let number = self.placed.numbers[place];
+        let collider = &self.colliders[number as usize];
+        let surface_velocity = self.placed.moments[place].velocity_at(collider, foot);
+        let [restitution, friction] = collider.material.between(skin_of(self.skins, slot).material);
+        let velocity = self.particles.velocity.get(slot).as_dvec3();
+        let rebound = Rebound { restitution, ..self.rebound };
+        let target_velocity = rebound.least_velocity_after(Approach {
+            velocity: (velocity - surface_velocity).dot(normal) as f32,
+            acceleration: self.acceleration.get(slot).as_dvec3().dot(normal) as f32,
+            depth: depth as f32,
+        });
+        let radius = self.particles.radius()[slot];
+        // As it will be in the arrays.
+        let position = position.as_vec3();
+        let height = (position.as_dvec3() - foot).dot(normal);
+        Touch {
+            slots: [slot as u32; 3],
+            bodies: [0; 3],
+            count: 1,
+            weights: [1.0, 0.0, 0.0],
+            shares: [1.0, 0.0, 0.0],
+            collider: number,
+            normal: Vec3A::from(normal.as_vec3()),
+            place: Vec3A::from(position),
+            depth: (f64::from(radius) - height) as f32,
+            radius,
+            surface_velocity: Vec3A::from(surface_velocity.as_vec3()),
+            target_velocity,
+            friction,
+            mass: 1.0 / self.particles.inverse_mass()[slot],
+            impulse: 0.0,
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! What of nets collides beside particles: edges, as capsules, and triangles, with a thickness.
+//!
+//! A primitive is as thick as its particles: it is swept by spheres whose radii go from that of one corner to that of the
+//! next. Edges and triangles are numbered as springs are: in the order of adding, a removed one leaves an empty place.
+
+use std::ops::Range;
+
+use super::Elements;
+use crate::solver::state::Version;
+
+/// The end of what was removed, and the spring of an edge that is along none.
+pub(in crate::solver) const NONE: u32 = u32::MAX;
+
+/// A line between two particles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(in crate::solver) struct CollisionEdge {
+    pub ends: [u32; 2],
+    /// m.
+    pub rest_length: f32,
+    /// The spring along which it is, and without which it is not; [`NONE`] of an edge of triangles.
+    pub spring: u32,
+}
+
+/// The primitives of all nets; a part of the state.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(in crate::solver) struct CollisionMesh {
+    pub edges: Vec<CollisionEdge>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether the particle in each slot is inside a net, behind its surface; shorter than the particles where none is.
+    pub inner: Vec<bool>,
+    /// The springs that belong to nets: of others each may be asked to collide along its length.
+    owned: Vec<Range<u32>>,
+    version: Version,
+}
+
+impl CollisionMesh {
+    /// Changes with the primitives.
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
+    pub fn clear(&mut self) {
+        *self = Self { version: Version::new(), ..Self::default() };
+    }
+
+    /// Appends edges; the number of the first.
+    pub fn add_edges(&mut self, edges: impl IntoIterator<Item = CollisionEdge>) -> usize {
+        let first = self.edges.len();
+        self.edges.extend(edges);
+        self.version = Version::new();
+        first
+    }
+
+    /// Appends triangles; the number of the first.
+    pub fn add_triangles(&mut self, triangles: impl IntoIterator<Item = [u32; 3]>) -> usize {
+        let first = self.triangles.len();
+        self.triangles.extend(triangles);
+        self.version = Version::new();
+        first
+    }
+
+    /// Marks the particles in some slots as inside a net.
+    pub fn add_inner(&mut self, slots: impl Iterator<Item = u32>) {
+        for slot in slots.map(|slot| slot as usize) {
+            if self.inner.len() <= slot {
+                self.inner.resize(slot + 1, false);
+            }
+            self.inner[slot] = true;
+        }
+        self.version = Version::new();
+    }
+
+    /// Takes note that springs belong to a net.
+    pub fn add_owned(&mut self, springs: &Range<usize>) {
+        if !springs.is_empty() {
+            self.owned.push(springs.start as u32..springs.end as u32);
+        }
+    }
+
+    /// Empties the place of an edge.
+    pub fn remove_edge(&mut self, number: usize) {
+        self.edges[number].ends = [NONE; 2];
+        self.version = Version::new();
+    }
+
+    /// Empties the place of a triangle.
+    pub fn remove_triangle(&mut self, number: usize) {
+        self.triangles[number] = [NONE; 3];
+        self.version = Version::new();
+    }
+
+    /// Changes the lengths at rest of edges, where they are others.
+    pub fn set_rest_lengths(&mut self, numbers: Range<usize>, wanted: impl Iterator<Item = f32>) {
+        for (edge, wanted) in self.edges[numbers].iter_mut().zip(wanted) {
+            if edge.rest_length != wanted {
+                edge.rest_length = wanted;
+                self.version = Version::new();
+            }
+        }
+    }
+
+    /// The particle in a slot is inside a net no longer.
+    pub fn forget_inner(&mut self, slot: usize) {
+        if let Some(inner) = self.inner.get_mut(slot) {
+            *inner = false;
+        }
+    }
+
+    /// Removes all that ends in a slot.
+    pub fn remove_particle(&mut self, slot: usize) {
+        if let Some(inner) = self.inner.get_mut(slot) {
+            *inner = false;
+        }
+        let slot = slot as u32;
+        for number in 0..self.edges.len() {
+            if self.edges[number].ends.contains(&slot) {
+                self.remove_edge(number);
+            }
+        }
+        for number in 0..self.triangles.len() {
+            if self.triangles[number].contains(&slot) {
+                self.remove_triangle(number);
+            }
+        }
+    }
+
+    /// Renames the particles: `new_slots[old]` is the new slot of each.
+    pub fn renumber(&mut self, new_slots: &[u32]) {
+        let ends = self.edges.iter_mut().flat_map(|edge| &mut edge.ends);
+        for end in ends.chain(self.triangles.as_flattened_mut()) {
+            *end = new_slots.get(*end as usize).copied().unwrap_or(NONE);
+        }
+        let old = std::mem::take(&mut self.inner);
+        let inner = old.iter().zip(new_slots).filter(|(is_inner, _)| **is_inner).map(|(_, new)| *new);
+        self.add_inner(inner);
+    }
+
+    /// The edges that are there, with their lengths at rest, m; those along springs only as long as these act.
+    /// `with_springs`: those of springs that belong to no net, too.
+    pub fn present_edges<'a>(
+        &'a self,
+        elements: &'a Elements,
+        with_springs: bool,
+    ) -> impl Iterator<Item = ([u32; 2], f32)> + 'a {
+        let acts = |spring: u32| {
+            spring == NONE || elements.springs().element(spring as usize).is_some_and(super::Element::acts)
+        };
+        let own = self.edges.iter().filter(move |edge| edge.ends[0] != NONE && acts(edge.spring));
+        let loose = self.loose_springs(elements).filter(move |_| with_springs);
+        own.map(|edge| (edge.ends, edge.rest_length)).chain(loose)
+    }
+
+    /// The ends and lengths at rest, m, of the springs that belong to no net and act.
+    pub fn loose_springs<'a>(&'a self, elements: &'a Elements) -> impl Iterator<Item = ([u32; 2], f32)> + 'a {
+        let springs = elements.springs();
+        let mut owned = self.owned.iter().peekable();
+        let all = (0..).zip(springs.all_ends().iter().zip(springs.elements()));
+        all.filter_map(move |(number, (ends, spring)): (u32, _)| {
+            while owned.next_if(|range| range.end <= number).is_some() {}
+            let is_owned = owned.peek().is_some_and(|range| range.contains(&number));
+            (!is_owned && super::Element::acts(spring)).then(|| (*ends, spring.length_at_rest()))
+        })
+    }
+
+    /// The triangles that are there.
+    pub fn present_triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.triangles.iter().filter(|corners| corners[0] != NONE).copied()
+    }
+}
+
+/// The edges of triangles, each once, by their smaller ends.
+pub(in crate::solver) fn edges_of(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let sides = triangles.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+    let mut edges: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::elements::Spring;
+
+    const SPRING: Spring = Spring::elastic(0.5, 1.0, 0.0);
+
+    fn edge(ends: [u32; 2], spring: u32) -> CollisionEdge {
+        CollisionEdge { ends, rest_length: 1.0, spring }
+    }
+
+    #[test]
+    fn edges_along_springs_last_as_long_as_these() {
+        let (mut mesh, mut elements) = (CollisionMesh::default(), Elements::default());
+        let springs = [[0, 1], [1, 2], [3, 4]].map(|ends| elements.push(ends, SPRING));
+        mesh.add_owned(&(springs[0]..springs[1] + 1));
+        mesh.add_edges([edge([0, 1], 0), edge([1, 2], 1), edge([0, 2], NONE)]);
+        let present = |mesh: &CollisionMesh, elements: &Elements, all| -> Vec<[u32; 2]> {
+            mesh.present_edges(elements, all).map(|(ends, _)| ends).collect()
+        };
+        assert_eq!(present(&mesh, &elements, false), [[0, 1], [1, 2], [0, 2]]);
+        assert_eq!(present(&mesh, &elements, true), [[0, 1], [1, 2], [0, 2], [3, 4]]);
+        elements.break_spring(1);
+        assert_eq!(present(&mesh, &elements, true), [[0, 1], [0, 2], [3, 4]]);
+    }
+
+    #[test]
+    fn what_ends_in_a_particle_leaves_with_it() {
+        let mut mesh = CollisionMesh::default();
+        mesh.add_triangles([[0, 1, 2], [1, 2, 3]]);
+        mesh.add_edges(edges_of(&mesh.triangles).into_iter().map(|ends| edge(ends, NONE)));
+        assert_eq!(mesh.edges.len(), 5);
+        mesh.add_inner([4].into_iter());
+        mesh.remove_particle(0);
+        mesh.renumber(&[4, 3, 2, 1, 0]);
+        assert_eq!(mesh.present_triangles().collect::<Vec<_>>(), [[3, 2, 1]]);
+        let edges: Vec<_> = mesh.present_edges(&Elements::default(), true).map(|(ends, _)| ends).collect();
+        assert_eq!(edges, [[3, 2], [3, 1], [2, 1]]);
+        assert_eq!(mesh.inner, [true]);
+    }
+}

@@ -1,0 +1,142 @@
+//! Edges and triangles of an island that touch colliders between their corners.
+//!
+//! Which point of them touches is found where the island would fly, and is kept for the step.
+
+use bevy::math::DVec3;
+
+use super::contact::{Contact, Partner};
+use super::contacts::{Contacts, Motion, RECOVERY_SPEED};
+use super::{Island, Step};
+use crate::solver::collision::{Feature, Obstacle, Obstacles, Surroundings, sum, weigh};
+use crate::solver::particles::Particles;
+use crate::solver::state::Version;
+
+/// The edges and triangles of an island, by node: a cache.
+#[derive(Debug, Clone, Default)]
+pub(super) struct IslandFeatures {
+    all: Vec<Feature>,
+    key: Option<Version>,
+    /// Working memory.
+    node_of: Vec<u32>,
+}
+
+impl Island {
+    /// Makes its features those of all with a particle of it.
+    pub fn refresh_features(&mut self, features: &[Feature], version: Version, particles: usize) {
+        let Self { elimination, features: own, .. } = self;
+        if own.key == Some(version) {
+            return;
+        }
+        own.key = Some(version);
+        own.node_of.clear();
+        own.node_of.resize(particles, u32::MAX);
+        for (node, slot) in (0..).zip(&elimination.slots) {
+            own.node_of[*slot as usize] = node;
+        }
+        own.all.clear();
+        let node_of = |slot: u32| own.node_of.get(slot as usize).copied().unwrap_or(u32::MAX);
+        let nodes =
+            features.iter().map(|feature| Feature { corners: feature.corners.map(node_of), ..*feature });
+        let is_own = |feature: &Feature| {
+            let known = feature.corners.iter().all(|node| *node != u32::MAX);
+            known && feature.corners.iter().any(|node| (*node as usize) < elimination.free)
+        };
+        own.all.extend(nodes.filter(is_own));
+        own.node_of = Vec::new();
+    }
+
+    /// Whether what is between particles has entered a collider on the way to the present iterate.
+    pub fn features_enter(&self, particles: &Particles, step: Step) -> bool {
+        let Self { elimination, system, features, .. } = self;
+        let Step { obstacles, surroundings, h, .. } = step;
+        obstacles.any_thin()
+            && features.all.iter().any(|feature| {
+                let nodes = feature.corners.map(|node| node as usize);
+                let slots = nodes.map(|node| elimination.slots[node] as usize);
+                let radii = slots.map(|slot| f64::from(particles.radius()[slot]));
+                let from = slots.map(|slot| particles.position.get(slot).as_dvec3());
+                let to = nodes.map(|node| system.position[node]);
+                let mut any = false;
+                obstacles.near_feature((slots[0], surroundings), [from, to], radii, h, |obstacle, _| {
+                    any |= obstacle.deepest(feature.count, [from, to], radii, h).is_some_and(
+                        |(obstacle, weights)| obstacle.gap(sum(to, weights), weigh(radii, weights)).0 < 0.0,
+                    );
+                });
+                any
+            })
+    }
+}
+
+impl Contacts {
+    /// Adds the contacts of what is between particles.
+    pub fn add_features(
+        &mut self,
+        motion: &Motion,
+        features: &IslandFeatures,
+        (obstacles, surroundings): (&Obstacles, Surroundings),
+    ) {
+        let Motion { elimination, particles, start, flight, h, .. } = *motion;
+        for feature in &features.all {
+            let nodes = feature.corners.map(|node| node as usize);
+            let slots = nodes.map(|node| elimination.slots[node] as usize);
+            let radii = slots.map(|slot| f64::from(particles.radius()[slot]));
+            let from = nodes.map(|node| start[node]);
+            let to = nodes.map(|node| if node < elimination.free { flight[node] } else { start[node] });
+            let seen = (slots[0], surroundings);
+            obstacles.near_feature(seen, [from, to], radii, h, |obstacle, coefficients| {
+                let found = obstacle.deepest(feature.count, [from, to], radii, h);
+                if let Some((obstacle, weights)) = found {
+                    let contact = feature_contact(motion, feature, obstacle, weights, coefficients);
+                    self.contacts.extend(contact);
+                }
+            });
+        }
+    }
+}
+
+fn feature_contact(
+    motion: &Motion,
+    feature: &Feature,
+    obstacle: Obstacle,
+    weights: [f64; 3],
+    [restitution, friction]: [f64; 2],
+) -> Option<Contact> {
+    let Motion { elimination, particles, start, flight, inertia, h } = *motion;
+    let nodes = feature.corners.map(|node| node as usize);
+    let is_free = |place: usize| nodes[place] < elimination.free;
+    let own = 0..feature.count;
+    let mobility: f64 = own
+        .clone()
+        .filter(|place| is_free(*place))
+        .map(|place| weights[place] * weights[place] / inertia[nodes[place]])
+        .sum();
+    // The free one of the largest weight stands for all.
+    let first =
+        own.filter(|place| is_free(*place)).max_by(|one, other| weights[*one].total_cmp(&weights[*other]))?;
+    let of = |vectors: &[DVec3], pinned: &[DVec3]| {
+        let each = nodes.map(|node| if node < elimination.free { vectors[node] } else { pinned[node] });
+        sum(each, weights)
+    };
+    let radii = nodes.map(|node| f64::from(particles.radius()[elimination.slots[node] as usize]));
+    let (radius, begin) = (weigh(radii, weights), of(start, start));
+    let surface_way = h * obstacle.motion_at(begin);
+    let (gap, normal) = obstacle.gap(begin + surface_way, radius);
+    let approach = (surface_way - (of(flight, start) - begin)).dot(normal) / h;
+    let mut others = [(0, 0.0); 2];
+    let rest = (0..feature.count).filter(|place| *place != first);
+    rest.zip(&mut others).for_each(|(place, other)| *other = (nodes[place], weights[place]));
+    Some(Contact {
+        weight: weights[first],
+        others,
+        count: feature.count - 1,
+        radius,
+        inertia: 1.0 / mobility,
+        allowed: (gap + RECOVERY_SPEED * h).min(0.0),
+        origin: begin + surface_way + h * obstacle.sliding(),
+        approach,
+        normal,
+        restitution,
+        friction,
+        ..Contact::new(nodes[first], Partner::Obstacle(obstacle))
+    })
+}

@@ -1,0 +1,79 @@
+//! Which entities have begun and ceased to touch, for those who ask.
+
+use bevy::ecs::system::SystemParam;
+use bevy::prelude::*;
+
+use crate::collider::{ContactEnded, ContactEvents, ContactStarted};
+use crate::solver::ContactPartner;
+
+use super::Simulation;
+use super::colliders::GatheredColliders;
+use super::state::MassSpringState;
+
+/// Who asks.
+#[derive(SystemParam)]
+pub(super) struct Requests<'w, 's> {
+    started: Option<Res<'w, Messages<ContactStarted>>>,
+    ended: Option<Res<'w, Messages<ContactEnded>>>,
+    marked: Query<'w, 's, (), With<ContactEvents>>,
+}
+
+impl Requests<'_, '_> {
+    /// Whether anybody does.
+    pub fn any(&self) -> bool {
+        self.started.is_some() || self.ended.is_some() || !self.marked.is_empty()
+    }
+}
+
+/// Whether there is anything to tell, or to forget.
+pub(super) fn is_requested(requests: Requests, state: Res<MassSpringState>) -> bool {
+    requests.any() || !state.touching.is_empty()
+}
+
+/// Tells of the pairs that touched in this tick and not in the last one, and the other way round.
+pub(super) fn publish_touching(
+    mut state: ResMut<MassSpringState>,
+    simulation: Res<Simulation>,
+    colliders: Res<GatheredColliders>,
+    (mut started, mut ended): (
+        Option<ResMut<Messages<ContactStarted>>>,
+        Option<ResMut<Messages<ContactEnded>>>,
+    ),
+    marked: Query<(), With<ContactEvents>>,
+    mut commands: Commands,
+) {
+    let entity_in = |slot: usize| state.particles.slots.get(slot).copied();
+    let pair = |slot: usize, other: ContactPartner| {
+        let other = match other {
+            ContactPartner::Collider(number) => *colliders.entities.get(number)?,
+            ContactPartner::Particle(slot) => entity_in(slot)?,
+        };
+        Some([entity_in(slot)?, other])
+    };
+    let records = simulation.outputs.contacts.iter();
+    let mut now: Vec<[Entity; 2]> = records.filter_map(|record| pair(record.slot, record.other)).collect();
+    now.sort_unstable();
+    now.dedup();
+    let before = std::mem::replace(&mut state.touching, now);
+    let now = &state.touching;
+    for &[entity, other] in now.iter().filter(|pair| before.binary_search(pair).is_err()) {
+        if let Some(messages) = &mut started {
+            messages.write(ContactStarted { entity, other });
+        }
+        for (entity, other) in [(entity, other), (other, entity)] {
+            if marked.contains(entity) {
+                commands.trigger(ContactStarted { entity, other });
+            }
+        }
+    }
+    for &[entity, other] in before.iter().filter(|pair| now.binary_search(pair).is_err()) {
+        if let Some(messages) = &mut ended {
+            messages.write(ContactEnded { entity, other });
+        }
+        for (entity, other) in [(entity, other), (other, entity)] {
+            if marked.contains(entity) {
+                commands.trigger(ContactEnded { entity, other });
+            }
+        }
+    }
+}
