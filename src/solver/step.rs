@@ -117,9 +117,10 @@ pub(crate) fn step(
     }
     caches.end_tick(state, plan);
     if settings.sleep.is_some() {
-        let Caches { sleep, contacts, air, .. } = caches;
+        let Caches { sleep, contacts, air, implicit_euler, .. } = caches;
+        let touching = if plan.is_implicit() { implicit_euler.touching() } else { &[] };
         let field = Field { air: air.load(), ..settings.field() };
-        sleep.end_tick(sleepers(state), around, contacts, (settings, field));
+        sleep.end_tick(sleepers(state), around, (contacts, touching), (settings, field));
     }
     state.air_clock.advance(settings.wind, settings.time_step);
     state.pulls.end_tick();

@@ -29,7 +29,7 @@ use bevy::math::DVec3;
 use crate::solver::collision::ContactMemory;
 use crate::solver::elements::{CollisionMesh, Elements, Exposed};
 use crate::solver::graph::{Forest, Parts};
-use crate::solver::particles::Particles;
+use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::StepSettings;
 pub(in crate::solver) use memory::SleepMemory;
@@ -71,6 +71,10 @@ pub(super) struct SleepCaches {
     forest: Forest,
     /// Of each slot how far from it something of it may touch a collider, m.
     reaches: Vec<f32>,
+    /// Positions when the tick began, m.
+    start: Vectors,
+    /// Of each slot whether it touched something in the last substep; empty where none did.
+    touches: Vec<bool>,
     /// Of each slot whether it is pinned and moves in the tick; empty where none does.
     moves: Vec<bool>,
     /// Accelerations by drag and dampers, m/s².

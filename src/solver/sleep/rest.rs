@@ -1,9 +1,9 @@
 //! The end of a tick: what has rested for long enough falls asleep.
 
-use bevy::math::{DVec3, Vec3};
+use bevy::math::DVec3;
 
-use crate::solver::collision::ContactCaches;
-use crate::solver::particles::Particles;
+use crate::solver::collision::{ContactCaches, ContactPartner, ContactRecord};
+use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Field, Sleep, StepSettings};
 use crate::solver::state::Version;
 
@@ -19,14 +19,15 @@ impl SleepCaches {
         &mut self,
         mut sleepers: Sleepers,
         around: Surroundings,
-        contacts: &ContactCaches,
+        (contacts, touching): (&ContactCaches, &[ContactRecord]),
         (settings, field): (&StepSettings, Field),
     ) {
         let Some(sleep) = settings.sleep else { return };
         let Sleepers { memory, particles, elements, .. } = &mut sleepers;
         self.parts.refresh(elements, particles);
         memory.resize(particles.len());
-        let clock = Clock { sleep, time_step: settings.time_step };
+        self.find_touching(contacts, touching, particles.len());
+        let clock = Clock { sleep, time_step: settings.time_step, start: &self.start, touches: &self.touches };
         let mut any_ready = false;
         for range in self.parts.loose() {
             for start in range.clone().step_by(CHUNK) {
@@ -43,6 +44,23 @@ impl SleepCaches {
         memory.since_check += settings.time_step;
         if any_ready && memory.since_check * CHECKS_PER_DELAY >= sleep.delay {
             self.consider(&mut sleepers, around, contacts, (settings, field), sleep);
+        }
+    }
+
+    /// Finds what touched something in the last substep, or in the last implicit step.
+    fn find_touching(&mut self, contacts: &ContactCaches, touching: &[ContactRecord], count: usize) {
+        let Self { touches, .. } = self;
+        touches.clear();
+        let mut touch = |slot: usize| {
+            touches.resize(count, false);
+            touches[slot] = true;
+        };
+        contacts.for_each_touching(&mut touch);
+        for record in touching {
+            touch(record.slot);
+            if let ContactPartner::Particle(other) = record.other {
+                touch(other);
+            }
         }
     }
 
@@ -177,20 +195,29 @@ impl SleepCaches {
 }
 
 /// What measures rest.
-struct Clock {
+struct Clock<'a> {
     sleep: Sleep,
     time_step: f32,
+    /// Positions when the tick began, m.
+    start: &'a Vectors,
+    /// Of each slot whether it touched something; empty where none did.
+    touches: &'a [bool],
 }
 
-impl Clock {
+impl Clock<'_> {
     /// The square of the speed above which nothing rests, m²/s².
     fn speed_limit(&self) -> f32 {
         (HASTE * self.sleep.speed) * (HASTE * self.sleep.speed)
     }
 
-    /// Whether a particle is faster than what rests; one whose velocity is not finite is.
+    /// Whether a particle is faster than what rests; one whose velocity is not finite is. Of what touches something the
+    /// velocity is that of the whole tick: at its end contacts may leave what gravity gives in a substep.
     #[inline]
-    fn is_fast(&self, velocity: Vec3) -> bool {
+    fn is_fast(&self, particles: &Particles, slot: usize) -> bool {
+        let velocity = match self.touches.get(slot) {
+            Some(true) => (particles.position.get(slot) - self.start.get(slot)) / self.time_step,
+            _ => particles.velocity.get(slot),
+        };
         !(velocity.length_squared() <= self.speed_limit())
     }
 
@@ -217,7 +244,8 @@ impl Clock {
         let [x, y, z] = particles.velocity.axes().map(|axis| &axis[slots.clone()]);
         let squares = x.iter().zip(y).zip(z).map(|((x, y), z)| x * x + y * y + z * z);
         // Without a branch a particle, as most move where any do.
-        if squares.fold(true, |all_fast, square| all_fast & !(square <= limit)) {
+        let any_touches = self.touches.get(slots.clone()).is_some_and(|touches| touches.contains(&true));
+        if !any_touches && squares.fold(true, |all_fast, square| all_fast & !(square <= limit)) {
             memory.rested[slots].fill(0.0);
             return false;
         }
@@ -227,7 +255,7 @@ impl Clock {
                 continue;
             }
             let rested = memory.rested[slot];
-            if self.is_fast(particles.velocity.get(slot)) {
+            if self.is_fast(particles, slot) {
                 memory.rested[slot] = 0.0;
             } else if rested == 0.0 || self.has_drifted(memory, particles, slot) {
                 Self::begin(memory, particles, slot);
@@ -249,7 +277,7 @@ impl Clock {
         let slots = || members.iter().map(|slot| *slot as usize);
         let rested = std::mem::replace(&mut memory.rested[first], 0.0);
         // The last one first: the free end of what hangs or is thrown.
-        if slots().rev().any(|slot| self.is_fast(particles.velocity.get(slot))) {
+        if slots().rev().any(|slot| self.is_fast(particles, slot)) {
             return false;
         }
         if rested == 0.0 || slots().any(|slot| self.has_drifted(memory, particles, slot)) {

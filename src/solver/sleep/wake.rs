@@ -49,11 +49,14 @@ impl SleepCaches {
             self.wake(&mut sleepers);
         }
         self.waking.clear();
-        let Sleepers { memory, .. } = sleepers;
+        let Sleepers { memory, particles, .. } = sleepers;
         memory.disturbed.clear();
         memory.added.clear();
         memory.vanished.clear();
         memory.keep_colliders(around.colliders);
+        if !memory.is_all(particles) {
+            self.start.copy_from(&particles.position);
+        }
     }
 
     fn wake_all(&mut self, sleepers: &mut Sleepers) {
