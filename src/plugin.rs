@@ -15,7 +15,7 @@ use crate::nets::{
     Winch,
 };
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
-use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
+use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
 use crate::settings::{Dimensions, OrphanedSprings, SleepSettings, SolverSettings};
 use crate::spring::{Broken, Spring};
@@ -130,6 +130,6 @@ fn register_types(app: &mut App) {
         .register_type::<(Environment, SolverSettings, SleepSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
-        .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
+        .register_type::<(TickReport, SleepingParticles, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, crate::collider::ContactStarted, crate::collider::ContactEnded, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -118,3 +118,44 @@ pub struct SpringForces {
     /// net come under its entity, one after the other.
     pub reactions: Vec<(Entity, Vec3)>,
 }
+
+/// The particles that sleep after the last tick: see [`SleepSettings`](crate::settings::SleepSettings).
+///
+/// It is kept only while this resource exists: insert it to read it. It changes only when something falls asleep or wakes.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// app.init_resource::<SleepingParticles>();
+///
+/// fn dim(sleeping: Res<SleepingParticles>, mut lamps: Query<(Entity, &mut Visibility), With<Particle>>) {
+///     for (lamp, mut visibility) in &mut lamps {
+///         let is_asleep = sleeping.contains(lamp, None);
+///         visibility.set_if_neq(if is_asleep { Visibility::Hidden } else { Visibility::Inherited });
+///     }
+/// }
+/// ```
+#[derive(Resource, Reflect, Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
+pub struct SleepingParticles {
+    /// Each of them, in ascending order: a loose particle and `None`, or a net and the number of its particle.
+    pub all: Vec<(Entity, Option<u32>)>,
+}
+
+impl SleepingParticles {
+    /// Whether a loose particle (`index` is `None`) or the particle of this number in a net sleeps.
+    pub fn contains(&self, entity: Entity, index: Option<u32>) -> bool {
+        self.all.binary_search(&(entity, index)).is_ok()
+    }
+
+    /// The number of particles of a net that sleep; of a loose particle 1 or 0. All of a net sleep where it is the number
+    /// of those that are not pinned.
+    pub fn count_of(&self, entity: Entity) -> usize {
+        let first = self.all.partition_point(|(other, _)| *other < entity);
+        self.all[first..].partition_point(|(other, _)| *other == entity)
+    }
+}

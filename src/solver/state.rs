@@ -127,6 +127,16 @@ impl State {
         self.sleep.asleep()
     }
 
+    /// Changes when anything falls asleep or wakes.
+    pub(crate) fn sleep_version(&self) -> Version {
+        self.sleep.version()
+    }
+
+    /// Whether no particle of some slots is both awake and moved by forces.
+    pub(crate) fn rests(&self, mut slots: impl Iterator<Item = usize>) -> bool {
+        slots.all(|slot| slot < self.particles.len() && self.particles.is_pinned(slot))
+    }
+
     /// Whether the particle in a slot sleeps.
     pub(crate) fn is_asleep(&self, slot: usize) -> bool {
         self.sleep.is_asleep(slot)

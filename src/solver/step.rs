@@ -61,7 +61,7 @@ pub(crate) fn step(
     caches.sleep.begin_tick(sleepers(state), around, settings);
     let plan = caches.plan(state, settings);
     outputs.begin_tick(plan);
-    if state.sleep.is_all(&state.particles) {
+    if caches.sleep.is_all(&state.sleep) {
         caches.rest(state, inputs, outputs, settings);
         return;
     }
@@ -116,6 +116,8 @@ pub(crate) fn step(
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
+    state.particles.position.clear_negligible();
+    state.particles.velocity.clear_negligible();
     if settings.sleep.is_some() {
         let Caches { sleep, contacts, air, implicit_euler, .. } = caches;
         let touching = if plan.is_implicit() { implicit_euler.touching() } else { &[] };
@@ -124,8 +126,6 @@ pub(crate) fn step(
     }
     state.air_clock.advance(settings.wind, settings.time_step);
     state.pulls.end_tick();
-    state.particles.position.clear_negligible();
-    state.particles.velocity.clear_negligible();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
     outputs.contact_count = caches.contacts.count() + in_implicit_step;
     if outputs.record_forces {

@@ -102,6 +102,11 @@ impl Parts {
         self.members.len()
     }
 
+    /// Number of movable particles.
+    pub fn movable(&self) -> usize {
+        self.members.entries()
+    }
+
     /// The part of a particle; `None` of a pinned one and an empty slot.
     #[inline]
     pub fn of(&self, slot: usize) -> Option<usize> {

@@ -46,6 +46,11 @@ pub(in crate::solver) struct SleepMemory {
 }
 
 impl SleepMemory {
+    /// Changes when anything falls asleep or wakes.
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
     /// The number of sleeping particles.
     pub fn asleep(&self) -> usize {
         self.asleep
@@ -54,11 +59,6 @@ impl SleepMemory {
     /// Whether the particle in a slot sleeps.
     pub fn is_asleep(&self, slot: usize) -> bool {
         self.group.get(slot).is_some_and(|group| *group != 0)
-    }
-
-    /// Whether no particle that forces could move is awake, and any sleeps.
-    pub fn is_all(&self, particles: &Particles) -> bool {
-        self.asleep > 0 && particles.inverse_mass().iter().all(|inverse| *inverse == 0.0)
     }
 
     /// Whether sleep is off, or no tick has run yet.
@@ -96,7 +96,12 @@ impl SleepMemory {
         if self.asleep > 0 {
             particles.wake((0..particles.len().min(self.group.len())).filter(|slot| self.group[*slot] != 0));
         }
-        *self = Self::default();
+        self.reset();
+    }
+
+    /// Is as before the first tick; nothing sleeps by now.
+    pub(super) fn reset(&mut self) {
+        *self = Self { version: Version::new(), ..Self::default() };
     }
 
     /// To be called before all particles are removed, to come back in other slots.

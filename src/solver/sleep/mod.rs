@@ -81,6 +81,13 @@ pub(super) struct SleepCaches {
     braking: Vec<DVec3>,
 }
 
+impl SleepCaches {
+    /// Whether no particle that forces could move is awake, and any sleeps; after the start of a tick.
+    pub fn is_all(&self, memory: &SleepMemory) -> bool {
+        memory.asleep() > 0 && memory.asleep() == self.parts.movable()
+    }
+}
+
 /// The gap below which two things count as touching, m: resting contacts open up to the way of free fall in a substep.
 fn touching_gap(settings: &StepSettings) -> f32 {
     let StepSettings { gravity, time_step, sleep, .. } = settings;

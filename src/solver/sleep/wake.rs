@@ -21,7 +21,7 @@ impl SleepCaches {
         if settings.sleep.is_none() {
             if memory.settings.is_some() {
                 self.wake_all(&mut sleepers);
-                *sleepers.memory = SleepMemory::default();
+                sleepers.memory.reset();
             }
             return;
         }
@@ -54,7 +54,7 @@ impl SleepCaches {
         memory.added.clear();
         memory.vanished.clear();
         memory.keep_colliders(around.colliders);
-        if !memory.is_all(particles) {
+        if !self.is_all(memory) {
             self.start.copy_from(&particles.position);
         }
     }
@@ -93,17 +93,19 @@ impl SleepCaches {
 
     /// Finds sleepers that were moved, or to which a velocity or another force was given.
     fn find_changed(&mut self, Sleepers { memory, particles, .. }: &Sleepers) {
+        // As bits and without a branch, so that it is done in vectors.
         let differ = |one: &[f32], other: &[f32], group: &[u32]| {
-            one.iter()
-                .zip(other)
-                .zip(group)
-                .fold(false, |any, ((one, other), group)| any | ((one != other) & (*group != 0)))
+            let all = one.iter().zip(other).zip(group);
+            all.fold(0, |all, ((one, other), group)| {
+                let counts = if *group == 0 { 0 } else { u32::MAX };
+                all | ((one.to_bits() ^ other.to_bits()) & counts)
+            })
         };
         let zero = [0.0; CHUNK];
         for start in (0..memory.group.len()).step_by(CHUNK) {
             let range = start..memory.group.len().min(start + CHUNK);
             let group = &memory.group[range.clone()];
-            let mut any = false;
+            let mut any = 0;
             for axis in 0..3 {
                 let [position, place] =
                     [&particles.position, &memory.place].map(|of| &of.axes()[axis][range.clone()]);
@@ -114,7 +116,7 @@ impl SleepCaches {
                     | differ(force, past, group)
                     | differ(velocity, &zero, group);
             }
-            if !any {
+            if any == 0 {
                 continue;
             }
             for slot in range.filter(|slot| memory.group[*slot] != 0) {
@@ -139,6 +141,7 @@ impl SleepCaches {
     /// Finds sleepers that something awake may touch in this tick, or could rest on.
     fn find_near(&mut self, sleepers: &Sleepers, around: Surroundings, settings: &StepSettings) {
         let Sleepers { memory, particles, .. } = sleepers;
+        let all_sleep = self.is_all(memory);
         let Self { spheres, waking, .. } = self;
         spheres.refresh(memory, particles);
         let gap = touching_gap(settings);
@@ -148,7 +151,8 @@ impl SleepCaches {
                 .near(particles, sphere, gap + reach, |slot| waking.push((memory.group[slot], 2.0 * reach)));
         };
         let radius = particles.radius();
-        for slot in (0..particles.len()).filter(|slot| particles.inverse_mass()[*slot] != 0.0) {
+        let awake = if all_sleep { 0 } else { particles.len() };
+        for slot in (0..awake).filter(|slot| particles.inverse_mass()[*slot] != 0.0) {
             if radius[slot] > 0.0 {
                 let reach = particles.velocity.get(slot).length() * settings.time_step;
                 search((particles.position.get(slot), radius[slot]), reach);
