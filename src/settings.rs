@@ -25,16 +25,26 @@ pub struct SolverSettings {
 /// Whether what rests falls asleep: it costs nothing then, until something happens to it.
 ///
 /// Particles, and what elements join, fall asleep together with all that they touch, when for the whole
-/// [`delay`](Self::delay) each of them stayed within a fifth of [`speed`](Self::speed) · delay of where it was, was never
-/// faster than ten times that speed, and neither dampers nor drag held it back. The forces on them are then out of balance by
+/// [`delay`](Self::delay) each of them stayed within a fifth of [`speed`](Self::speed) · delay of where it was (loose ones
+/// that touch something within 1 % of their radius, if that is more), was never faster than ten times that speed, and neither
+/// dampers nor drag held it back. What elements hold is then out of balance by
 /// less than 5.2 speed / delay (with the defaults a thousandth of gravity), so that neither a pendulum at its turning point nor
 /// what creeps sleeps. Asleep they do not move by a bit and have no velocity.
 ///
 /// What wakes them: what is awake and comes near, another [`AppliedForce`](crate::AppliedForce), velocity or `Transform`,
-/// motion of what holds them, edits, changed settings, planes that move or change.
+/// motion of what holds them, edits, changed settings, colliders that move or change. Who sleeps is in
+/// [`SleepingParticles`](crate::report::SleepingParticles), in apps that insert it.
 ///
-/// Where it is enabled, loose particles in a pile that no contact lets slip stay where they are, as do those that would
-/// move by less than a fiftieth of what gravity gives in a substep: piles come to rest.
+/// Where it is enabled, loose particles in a pile that no contact lets slip stay where they are, as do those that
+/// would move by less than a tenth of what gravity gives in a substep: piles come to rest. That changes where piles end up, which is
+/// why it is off by default.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// app.insert_resource(SleepSettings { enabled: true, ..default() });
+/// ```
 #[derive(Resource, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

@@ -55,7 +55,10 @@ impl SeenNets<'_, '_> {
     }
 
     #[cfg(not(feature = "render"))]
-    fn see<'a>(&self, (entity, net, parts): (Entity, Ref<'a, ParticleNet>, Option<&'a Parts>)) -> SeenNet<'a> {
+    fn see<'a>(
+        &self,
+        (entity, net, parts): (Entity, Ref<'a, ParticleNet>, Option<&'a Parts>),
+    ) -> SeenNet<'a> {
         SeenNet { entity, net, parts, way: None }
     }
 

@@ -49,7 +49,10 @@ pub fn assert_stays(solver: &mut Solver, settings: &StepSettings) {
 fn balls(side: u16, jitter: f32) -> Solver {
     world((0..side.pow(3)).map(|ball| {
         let [x, y, z] = [ball % side, ball / side % side, ball / side / side].map(f32::from);
-        let off = Vec3::new(f32::from(ball % 11 * 7 % 11), f32::from(ball % 5), f32::from(ball % 13 * 5 % 13));
+        // The upper bits of a multiplicative hash (Knuth), 0 to 12.
+        let number = |factor: u32| (u32::from(ball) + 1).wrapping_mul(factor) >> 16;
+        let off = [0x9E37_79B9, 0x85EB_CA6B, 0xC2B2_AE35].map(|factor| (number(factor) % 13) as f32);
+        let off = Vec3::from(off);
         Ball::at(Vec3::new(x + 0.5, z + 0.6, y + 0.5) * (0.2 + 13.0 * jitter) + off * jitter)
     }))
 }

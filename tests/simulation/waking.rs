@@ -148,7 +148,8 @@ fn asleep_on_colliders() -> Asleep {
 const ON_TABLE: usize = 0;
 const ON_PLAIN: usize = 1;
 const STICK: usize = 2;
-const LYING: Quat = Quat::from_xyzw(std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2);
+const LYING: Quat =
+    Quat::from_xyzw(std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2);
 const TABLE: usize = 0;
 const ROD: usize = 1;
 
@@ -225,7 +226,8 @@ fn another_surface_of_a_particle_wakes_it() {
 #[test]
 fn what_moves_keeps_awake_what_it_touches_and_no_other() {
     let Asleep { mut solver, settings } = asleep_on_colliders();
-    let fan = solver.add_collider(resting(Shape::cuboid(Vec3::new(0.5, 0.05, 0.05)), Vec3::new(-3.0, 0.6, 0.0)));
+    let fan =
+        solver.add_collider(resting(Shape::cuboid(Vec3::new(0.5, 0.05, 0.05)), Vec3::new(-3.0, 0.6, 0.0)));
     for tick in 0..100 {
         let fan = &mut solver.inputs_mut().colliders[fan];
         fan.start = fan.target;

@@ -14,6 +14,10 @@ const SETTLED_ERROR: f32 = 0.02;
 /// The same where things are to fall asleep: what is left of it moves a pile for as long as it lies there.
 const STILL_ERROR: f32 = 0.002;
 
+/// Where things are to fall asleep what touches other particles and is slower than this part of what gravity gives in a
+/// substep stays where it is, though its contacts slip: else single grains of a pile creep along for minutes.
+const CREEPING_SPEED: f32 = 0.1;
+
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
 const JAMMING_CONTACTS: u32 = 3;
 
@@ -45,21 +49,20 @@ impl ContactCaches {
     /// is slower than what gravity gives in a substep: it is jammed. Without it the corrections of its
     /// overlaps would keep a pile moving at that speed for ever.
     ///
-    /// Where things are to fall asleep so does a loose one of which no contact slips, or that is slower than the error of
-    /// settled contacts, [`SETTLED_ERROR`]: as if there were static friction of that part of its weight. Overlaps of what
-    /// is held are left alone while they are small. And what is wedged between steep contacts is held, too: it would
-    /// be squeezed through.
+    /// Where things are to fall asleep so does a loose one that touches others and of which no contact slips, or that creeps,
+    /// [`CREEPING_SPEED`]: as if there were static friction of that part of its weight. Overlaps of what is held are left alone
+    /// while they are small. And what is wedged between steep contacts is held, too: it would be squeezed through.
     pub(super) fn hold_still(&mut self, resting_speed: f32, falls_asleep: bool) {
         if self.pair_count() == 0 {
             return;
         }
-        let settled_speed = SETTLED_ERROR * resting_speed;
+        let creeping_speed = CREEPING_SPEED * resting_speed;
         if falls_asleep {
             for contact in &self.plane_contacts {
-                plane::note_slip(contact, &self.surfaces[contact.plane], &mut self.bodies, settled_speed);
+                plane::note_slip(contact, &self.surfaces[contact.plane], &mut self.bodies, creeping_speed);
             }
             for touch in &self.touches.all {
-                touch.note_slip(&mut self.bodies, settled_speed);
+                touch.note_slip(&mut self.bodies, creeping_speed);
             }
         }
         bodies::for_each(&mut self.bodies, &self.candidates.regions, |body| {
@@ -69,8 +72,9 @@ impl ContactCaches {
             if !is_borne || !is_explicit || speed_squared >= resting_speed * resting_speed {
                 return;
             }
-            let is_still = !body.slips || speed_squared < settled_speed * settled_speed;
-            let rests = falls_asleep && is_still && body.holds > 0 && !body.sprung;
+            let is_still = !body.slips || speed_squared < creeping_speed * creeping_speed;
+            let is_in_pile = body.holds > 0 && body.touching > 0 && !body.sprung;
+            let rests = falls_asleep && is_still && is_in_pile;
             if body.holds >= JAMMING_CONTACTS || rests {
                 body.velocity = Vec3A::ZERO;
                 body.position = body.previous;

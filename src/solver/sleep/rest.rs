@@ -8,7 +8,7 @@ use crate::solver::settings::{Field, Sleep, StepSettings};
 use crate::solver::state::Version;
 
 use super::memory::SleepMemory;
-use super::{CHECKS_PER_DELAY, DRIFT, HASTE, SleepCaches, Sleepers, Surroundings, touching_gap};
+use super::{CHECKS_PER_DELAY, DRIFT, HASTE, SETTLING, SleepCaches, Sleepers, Surroundings, touching_gap};
 
 /// Particles whose speeds are compared at a time.
 const CHUNK: usize = 64;
@@ -27,7 +27,8 @@ impl SleepCaches {
         self.parts.refresh(elements, particles);
         memory.resize(particles.len());
         self.find_touching(contacts, touching, particles.len());
-        let clock = Clock { sleep, time_step: settings.time_step, start: &self.start, touches: &self.touches };
+        let clock =
+            Clock { sleep, time_step: settings.time_step, start: &self.start, touches: &self.touches };
         let mut any_ready = false;
         for range in self.parts.loose() {
             for start in range.clone().step_by(CHUNK) {
@@ -221,10 +222,20 @@ impl Clock<'_> {
         !(velocity.length_squared() <= self.speed_limit())
     }
 
-    /// Whether a particle is further from where it began to rest than it may.
+    /// How far a particle may be from where it began to rest, m.
+    fn drift(&self) -> f32 {
+        DRIFT * self.sleep.speed * self.sleep.delay
+    }
+
+    /// The same of one that is a part of its own.
+    fn drift_of_loose(&self, particles: &Particles, slot: usize) -> f32 {
+        let touches = self.touches.get(slot) == Some(&true);
+        if touches { self.drift().max(SETTLING * particles.radius()[slot]) } else { self.drift() }
+    }
+
+    /// Whether a particle is further than `allowed` m from where it began to rest.
     #[inline]
-    fn has_drifted(&self, memory: &SleepMemory, particles: &Particles, slot: usize) -> bool {
-        let allowed = DRIFT * self.sleep.speed * self.sleep.delay;
+    fn has_drifted(memory: &SleepMemory, particles: &Particles, slot: usize, allowed: f32) -> bool {
         !(particles.position.get(slot).distance_squared(memory.place.get(slot)) <= allowed * allowed)
     }
 
@@ -257,7 +268,9 @@ impl Clock<'_> {
             let rested = memory.rested[slot];
             if self.is_fast(particles, slot) {
                 memory.rested[slot] = 0.0;
-            } else if rested == 0.0 || self.has_drifted(memory, particles, slot) {
+            } else if rested == 0.0
+                || Self::has_drifted(memory, particles, slot, self.drift_of_loose(particles, slot))
+            {
                 Self::begin(memory, particles, slot);
                 memory.rested[slot] = self.time_step;
             } else {
@@ -280,7 +293,7 @@ impl Clock<'_> {
         if slots().rev().any(|slot| self.is_fast(particles, slot)) {
             return false;
         }
-        if rested == 0.0 || slots().any(|slot| self.has_drifted(memory, particles, slot)) {
+        if rested == 0.0 || slots().any(|slot| Self::has_drifted(memory, particles, slot, self.drift())) {
             slots().for_each(|slot| Self::begin(memory, particles, slot));
             memory.rested[first] = self.time_step;
             return false;

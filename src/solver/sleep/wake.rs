@@ -11,12 +11,7 @@ const CHUNK: usize = 256;
 
 impl SleepCaches {
     /// Wakes what sleep no longer is for, and has what was edited rest anew.
-    pub fn begin_tick(
-        &mut self,
-        mut sleepers: Sleepers,
-        around: Surroundings,
-        settings: &StepSettings,
-    ) {
+    pub fn begin_tick(&mut self, mut sleepers: Sleepers, around: Surroundings, settings: &StepSettings) {
         let Sleepers { memory, particles, elements, .. } = &mut sleepers;
         if settings.sleep.is_none() {
             if memory.settings.is_some() {
