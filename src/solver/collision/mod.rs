@@ -222,8 +222,9 @@ impl ContactCaches {
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
         let tolerance = rest::tolerated_error(settings) * gravity * duration;
-        self.solve_velocities(rules, tolerance, integrator.displacement_share() * duration);
-        self.hold_still(gravity * duration, settings.sleep.is_some());
+        let falls_asleep = settings.sleep.is_some();
+        self.solve_velocities((rules, falls_asleep), tolerance, integrator.displacement_share() * duration);
+        self.hold_still(gravity * duration, falls_asleep);
         self.solve_positions(rules, duration);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
         if let Some(records) = records {
@@ -332,7 +333,7 @@ impl ContactCaches {
         }
     }
 
-    fn solve_velocities(&mut self, rules: PairRules, tolerance: f32, reach: f32) {
+    fn solve_velocities(&mut self, (rules, falls_asleep): (PairRules, bool), tolerance: f32, reach: f32) {
         let pairs = self.pair_count() > 0;
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
@@ -353,7 +354,8 @@ impl ContactCaches {
         (0..iterations).for_each(|_| self.solve_plane_velocities());
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
-            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (rules, reach));
+            let friction = falls_asleep.then_some(rules);
+            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (friction, reach));
         }
     }
 

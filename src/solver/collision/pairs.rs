@@ -291,19 +291,19 @@ fn keep_angular_momentum(contact: &PairContact, distance: f32, depth: f32, [firs
 /// substep as any force does: velocity · `reach`, s (see [`Integrator::displacement_share`]); this is taken back.
 /// And what still sinks onto something supported is stopped.
 ///
-/// Takes note of the bodies that slip.
+/// Takes note of the bodies that slip, where that is asked for with the rules of their friction.
 ///
 /// [`Integrator::displacement_share`]: crate::solver::Integrator::displacement_share
 pub(super) fn finish_velocities(
     contacts: &mut PairContacts,
     groups: &mut Groups,
     bodies: &mut [Body],
-    (rules, reach): (PairRules, f32),
+    (friction, reach): (Option<PairRules>, f32),
 ) {
     contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
         for contact in contacts {
             let [upper, lower] = contact.both(bodies);
-            if !contact.sticks(rules) {
+            if friction.is_some_and(|rules| !contact.sticks(rules)) {
                 (upper.slips, lower.slips) = (true, true);
             }
             if contact.resting {

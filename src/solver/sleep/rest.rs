@@ -159,9 +159,9 @@ impl SleepCaches {
             braking[slot] += force * f64::from(particles.own_inverse_mass()[slot]);
         });
         let limit = 2.0 * f64::from(sleep.speed) / f64::from(sleep.delay.max(f32::MIN_POSITIVE));
-        for slot in 0..particles.len() {
+        for (slot, braking) in braking.iter().enumerate() {
             let Some(part) = parts.of(slot).filter(|part| !stays[*part]) else { continue };
-            let is_balanced = braking[slot].length_squared() <= limit * limit;
+            let is_balanced = braking.length_squared() <= limit * limit;
             if !is_balanced || particles.applied_force.get(slot) != memory.force.get(slot) {
                 stays[part] = true;
                 memory.rested[parts.first(part)] = 0.0;
@@ -195,6 +195,12 @@ impl SleepCaches {
     }
 }
 
+/// Whether a number is more than a limit; NaN is.
+#[inline]
+fn exceeds(number: f32, limit: f32) -> bool {
+    number.is_nan() | (number > limit)
+}
+
 /// What measures rest.
 struct Clock<'a> {
     sleep: Sleep,
@@ -219,7 +225,7 @@ impl Clock<'_> {
             Some(true) => (particles.position.get(slot) - self.start.get(slot)) / self.time_step,
             _ => particles.velocity.get(slot),
         };
-        !(velocity.length_squared() <= self.speed_limit())
+        exceeds(velocity.length_squared(), self.speed_limit())
     }
 
     /// How far a particle may be from where it began to rest, m.
@@ -236,7 +242,8 @@ impl Clock<'_> {
     /// Whether a particle is further than `allowed` m from where it began to rest.
     #[inline]
     fn has_drifted(memory: &SleepMemory, particles: &Particles, slot: usize, allowed: f32) -> bool {
-        !(particles.position.get(slot).distance_squared(memory.place.get(slot)) <= allowed * allowed)
+        let way = particles.position.get(slot).distance_squared(memory.place.get(slot));
+        exceeds(way, allowed * allowed)
     }
 
     fn begin(memory: &mut SleepMemory, particles: &Particles, slot: usize) {
@@ -256,7 +263,7 @@ impl Clock<'_> {
         let squares = x.iter().zip(y).zip(z).map(|((x, y), z)| x * x + y * y + z * z);
         // Without a branch a particle, as most move where any do.
         let any_touches = self.touches.get(slots.clone()).is_some_and(|touches| touches.contains(&true));
-        if !any_touches && squares.fold(true, |all_fast, square| all_fast & !(square <= limit)) {
+        if !any_touches && squares.fold(true, |all_fast, square| all_fast & exceeds(square, limit)) {
             memory.rested[slots].fill(0.0);
             return false;
         }

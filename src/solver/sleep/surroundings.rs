@@ -130,10 +130,10 @@ impl SleepCaches {
         let Self { parts, stays, reaches, .. } = self;
         for collider in around.colliders.iter().filter(|collider| collider.carries()) {
             let is_near = collider.nearness();
-            for slot in 0..sleepers.particles.len() {
+            for (slot, reach) in reaches.iter().enumerate() {
                 let Some(part) = parts.of(slot).filter(|part| !stays[*part]) else { continue };
                 let place = sleepers.particles.position.get(slot);
-                stays[part] = is_near(place, reaches[slot], around.layers(slot));
+                stays[part] = is_near(place, *reach, around.layers(slot));
             }
         }
     }
