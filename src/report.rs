@@ -129,10 +129,12 @@ pub struct SpringForces {
 /// # let mut app = App::new();
 /// app.init_resource::<SleepingParticles>();
 ///
-/// fn dim(sleeping: Res<SleepingParticles>, mut lamps: Query<(Entity, &mut Visibility), With<Particle>>) {
-///     for (lamp, mut visibility) in &mut lamps {
-///         let is_asleep = sleeping.contains(lamp, None);
-///         visibility.set_if_neq(if is_asleep { Visibility::Hidden } else { Visibility::Inherited });
+/// #[derive(Component, PartialEq)]
+/// struct IsLit(bool);
+///
+/// fn dim(sleeping: Res<SleepingParticles>, mut lamps: Query<(Entity, &mut IsLit), With<Particle>>) {
+///     for (lamp, mut is_lit) in &mut lamps {
+///         is_lit.set_if_neq(IsLit(!sleeping.contains(lamp, None)));
 ///     }
 /// }
 /// ```
