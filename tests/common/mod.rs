@@ -5,6 +5,7 @@ pub mod backward_euler;
 pub mod bodies;
 pub mod logged;
 pub mod reference;
+pub mod sleep;
 
 use bevy::app::{Plugins, TaskPoolOptions, TaskPoolPlugin};
 use bevy::prelude::*;

@@ -51,12 +51,8 @@ impl Collider {
         self.shape.is_half_space() && !self.is_sensor
     }
 
-    fn moves(&self) -> bool {
-        self.start != self.target
-    }
-
     /// What bounds it during the whole tick.
-    fn bounds(&self) -> Bounds {
+    pub(super) fn bounds(&self) -> Bounds {
         let Self { shape, start, target, .. } = self;
         if start.rotation == target.rotation {
             return shape.bounds(*start).union(shape.bounds(*target));

@@ -100,9 +100,6 @@ fn tolerance(radius: f64) -> f64 {
     0.005 * radius + 5e-5
 }
 
-/// How much deeper an edge or a face may come in a step without another solution, as a part of its radius, where it is slow.
-const SLOW_DEPTH: f64 = 0.1;
-
 /// Something that a solution leads through: as the plane that is met first.
 struct Missed {
     feature: Feature,
@@ -142,13 +139,8 @@ fn find_missed(
             let found = obstacle.deepest(feature.count, ways, radii, h);
             let Some((obstacle, weights)) = found else { return };
             let radius = weigh(radii, weights);
-            let gap = obstacle.gap(sum(ways[1], weights), radius).0;
             // What is slow is pushed out of a solid on the right side, in the next step at the latest.
-            let start_gap = || obstacle.gap(sum(ways[0], weights), radius).0;
-            if obstacle.is_solid() && gap > start_gap().min(0.0) - SLOW_DEPTH * radius {
-                return;
-            }
-            if gap < -tolerance(radius) {
+            if !obstacle.is_solid() && obstacle.gap(sum(ways[1], weights), radius).0 < -tolerance(radius) {
                 missed.push(Missed { feature: *feature, obstacle, weights, coefficients });
             }
         });
@@ -170,9 +162,7 @@ impl Contacts {
         for Missed { feature, obstacle, weights, coefficients } in missed {
             if let Some(contact) = feature_contact(motion, &feature, obstacle, weights, coefficients) {
                 // A solid that has been passed through would push out on the wrong side.
-                if !contact.is_with_solid() {
-                    self.contacts.retain(|other| !(other.is_with_solid() && other.is_at(&contact)));
-                }
+                self.contacts.retain(|other| !(other.is_with_solid() && other.is_at(&contact)));
                 self.contacts.push(contact);
             }
         }
