@@ -330,12 +330,12 @@ impl Island {
         true
     }
 
-    /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
-    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements add none. It would be so by itself, had the equations of the core
-    /// been solved to the last bit.
+    /// Moves an island that nothing holds as a whole, to where it has the momentum that it must have:
+    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements and contacts within it add none. It would be so by itself, had the equations of
+    /// the core been solved to the last bit. What an obstacle holds may have any: the force of a stiff contact is not known as
+    /// well as that.
     fn balance(&mut self) {
         let Self { elimination, system, .. } = self;
-        // What an obstacle holds has any momentum.
         if elimination.trees == elimination.free
             || elimination.is_anchored()
             || system.contacts.is_held_by_obstacle()
