@@ -3,7 +3,7 @@
 
 use bevy::math::{Quat, Vec3, ops};
 use bevy_mass_spring::solver::{
-    Collider, Integrator, Material, Pose, Shape, Solver, Spring, StepSettings, SubstepMode,
+    Collider, Integrator, Material, PairRules, Pose, Shape, Sleep, Solver, Spring, StepSettings, SubstepMode,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 
@@ -94,5 +94,41 @@ fn many(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, mesh, many);
+/// 10,648 balls in a box of cuboids: as they lie there, and asleep.
+fn sleeping_pile(criterion: &mut Criterion) {
+    let mut solver = Solver::default();
+    for ball in 0..22_u32.pow(3) {
+        let [x, y, z] = [ball % 22, ball / 22 % 22, ball / 484].map(|number| number as f32 + 0.5);
+        let off =
+            [0x9E37_79B9, 0x85EB_CA6B, 0xC2B2_AE35_u32].map(|factor| (ball + 1).wrapping_mul(factor) >> 16);
+        let off = Vec3::from(off.map(|number| 0.008 * (number % 13) as f32));
+        let place = Vec3::new(x, z, y) * 0.304 + off;
+        solver.add_particle(place, Vec3::ZERO, 1.0, 0.1).expect("it is sound");
+    }
+    let (middle, side) = (11.0 * 0.304, 22.0 * 0.304);
+    for (place, half_size) in [
+        (Vec3::new(middle, -0.5, middle), Vec3::new(side, 0.5, side)),
+        (Vec3::new(-0.5, 0.0, middle), Vec3::new(0.5, 40.0, side)),
+        (Vec3::new(side + 0.5, 0.0, middle), Vec3::new(0.5, 40.0, side)),
+        (Vec3::new(middle, 0.0, -0.5), Vec3::new(side, 40.0, 0.5)),
+        (Vec3::new(middle, 0.0, side + 0.5), Vec3::new(side, 40.0, 0.5)),
+    ] {
+        solver.add_collider(resting(Shape::cuboid(half_size), place));
+    }
+    let pair_rules = Some(PairRules { restitution: 0.0, friction: 0.3 });
+    let awake = StepSettings { pair_rules, ..settings() };
+    let asleep = StepSettings { sleep: Some(Sleep::default()), ..awake };
+    let mut ticks = 0;
+    while solver.asleep_count() < solver.particle_count() && ticks < 1800 {
+        solver.step(&asleep);
+        ticks += 1;
+    }
+    assert_eq!(solver.asleep_count(), solver.particle_count(), "not all have fallen asleep");
+    let mut group = criterion.benchmark_group("sleeping pile");
+    group.bench_function("asleep", |bencher| bencher.iter(|| solver.step(&asleep).contact_count));
+    group.bench_function("awake", |bencher| bencher.iter(|| solver.step(&awake).contact_count));
+    group.finish();
+}
+
+criterion_group!(benches, mesh, many, sleeping_pile);
 criterion_main!(benches);

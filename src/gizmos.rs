@@ -14,6 +14,7 @@ use bevy::prelude::*;
 use bevy::transform::TransformSystems;
 
 use crate::particle::{Particle, Pinned};
+use crate::report::SleepingParticles;
 use crate::settings::Dimensions;
 use crate::spring::Spring;
 
@@ -39,6 +40,7 @@ impl Plugin for MassSpringGizmosPlugin {
             return;
         }
         app.init_gizmo_group::<MassSpringGizmos>()
+            .init_resource::<SleepingParticles>()
             .add_systems(
                 PostUpdate,
                 (
@@ -90,6 +92,8 @@ pub struct MassSpringGizmos {
     pub grip: bool,
     /// Colour of free particles.
     pub particle_color: Color,
+    /// Colour of particles that [sleep](crate::settings::SleepSettings).
+    pub asleep_color: Color,
     /// Colour of [`Pinned`] particles.
     pub pinned_color: Color,
     /// Colour of springs at their rest length.
@@ -123,6 +127,7 @@ impl Default for MassSpringGizmos {
             contacts: false,
             grip: true,
             particle_color: Color::srgb(0.35, 0.75, 1.0),
+            asleep_color: Color::srgb(0.2, 0.35, 0.5),
             pinned_color: Color::srgb(1.0, 0.55, 0.2),
             relaxed_color: Color::srgb(0.8, 0.8, 0.8),
             tension_color: Color::srgb(1.0, 0.2, 0.15),
@@ -144,6 +149,14 @@ impl MassSpringGizmos {
         self.color_of_stretch(spring.rest_length, spring.tension_only, length)
     }
 
+    fn color_of_particle(&self, is_pinned: bool, is_asleep: bool) -> Color {
+        match (is_pinned, is_asleep) {
+            (true, _) => self.pinned_color,
+            (false, true) => self.asleep_color,
+            (false, false) => self.particle_color,
+        }
+    }
+
     fn color_of_stretch(&self, rest_length: f32, tension_only: bool, length: f32) -> Color {
         // A spring of rest length 0 has no relative stretch: its length in m stands in for it.
         let unit = if rest_length > 0.0 { rest_length } else { 1.0 };
@@ -157,14 +170,15 @@ impl MassSpringGizmos {
 
 fn draw_particles(
     mut gizmos: Gizmos<MassSpringGizmos>,
-    particles: Query<(&Particle, &GlobalTransform, Has<Pinned>)>,
+    particles: Query<(Entity, &Particle, &GlobalTransform, Has<Pinned>)>,
+    sleeping: Option<Res<SleepingParticles>>,
 ) {
     if !gizmos.config_ext.particles {
         return;
     }
-    for (particle, transform, pinned) in &particles {
-        let colors = &gizmos.config_ext;
-        let color = if pinned { colors.pinned_color } else { colors.particle_color };
+    for (entity, particle, transform, pinned) in &particles {
+        let is_asleep = sleeping.as_ref().is_some_and(|sleeping| sleeping.contains(entity, None));
+        let color = gizmos.config_ext.color_of_particle(pinned, is_asleep);
         gizmos.sphere(transform.translation(), particle.radius, color).resolution(16);
     }
 }

@@ -104,10 +104,12 @@ pub mod prelude {
     pub use crate::render::{
         MassSpringRenderPlugin, NetMesh, NetSkin, RopeCrowd, RopeLinks, RopeMesh, RopeRibbon,
     };
-    pub use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
+    pub use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
-    pub use crate::settings::{Dimensions, Integrator, OrphanedSprings, SolverSettings, SubstepMode};
+    pub use crate::settings::{
+        Dimensions, Integrator, OrphanedSprings, SleepSettings, SolverSettings, SubstepMode,
+    };
     pub use crate::snapshot::{
         MassSpringState, RestoreInitialState, Snapshot, SnapshotError, TakeInitialState,
     };

@@ -15,9 +15,9 @@ use crate::nets::{
     Winch,
 };
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
-use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
+use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
-use crate::settings::{Dimensions, OrphanedSprings, SolverSettings};
+use crate::settings::{Dimensions, OrphanedSprings, SleepSettings, SolverSettings};
 use crate::spring::{Broken, Spring};
 use crate::sync;
 use crate::time_control::SingleStepPlugin;
@@ -92,6 +92,7 @@ impl Plugin for MassSpringPlugin {
         app.insert_resource(SimulationSchedule(self.schedule))
             .init_resource::<Environment>()
             .init_resource::<SolverSettings>()
+            .init_resource::<SleepSettings>()
             .init_resource::<CollisionSettings>()
             .init_resource::<Dimensions>()
             .init_resource::<OrphanedSprings>()
@@ -126,9 +127,9 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, ParticleCollider)>()
         .register_type::<(ColliderMotion, ColliderShape, ContactEvents, ContactLayers, ContactMaterial)>()
-        .register_type::<(Environment, SolverSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
+        .register_type::<(Environment, SolverSettings, SleepSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
-        .register_type::<(TickReport, SpringForces, SimulationOrder, Broken, Broke)>()
+        .register_type::<(TickReport, SleepingParticles, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, crate::collider::ContactStarted, crate::collider::ContactEnded, ParticleFault, crate::diagnostics::Measurements)>();
 }

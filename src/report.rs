@@ -25,8 +25,10 @@ pub struct TickReport {
     pub stiff_substeps: u32,
     /// The springs in those parts.
     pub stiff_springs: usize,
-    /// Particles in the simulation.
+    /// Particles in the simulation, asleep or awake.
     pub particles: usize,
+    /// Particles that sleep.
+    pub asleep: usize,
     /// Springs in the simulation.
     pub springs: usize,
     /// Touching pairs at the end of the tick: particles with planes and particles with particles.
@@ -115,4 +117,47 @@ pub struct SpringForces {
     /// Each pinned particle with springs, and the force in N with which they pull at it, in world space. Those of a
     /// net come under its entity, one after the other.
     pub reactions: Vec<(Entity, Vec3)>,
+}
+
+/// The particles that sleep after the last tick: see [`SleepSettings`](crate::settings::SleepSettings).
+///
+/// It is kept only while this resource exists: insert it to read it. It changes only when something falls asleep or wakes.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// app.init_resource::<SleepingParticles>();
+///
+/// #[derive(Component, PartialEq)]
+/// struct IsLit(bool);
+///
+/// fn dim(sleeping: Res<SleepingParticles>, mut lamps: Query<(Entity, &mut IsLit), With<Particle>>) {
+///     for (lamp, mut is_lit) in &mut lamps {
+///         is_lit.set_if_neq(IsLit(!sleeping.contains(lamp, None)));
+///     }
+/// }
+/// ```
+#[derive(Resource, Reflect, Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
+pub struct SleepingParticles {
+    /// Each of them, in ascending order: a loose particle and `None`, or a net and the number of its particle.
+    pub all: Vec<(Entity, Option<u32>)>,
+}
+
+impl SleepingParticles {
+    /// Whether a loose particle (`index` is `None`) or the particle of this number in a net sleeps.
+    pub fn contains(&self, entity: Entity, index: Option<u32>) -> bool {
+        self.all.binary_search(&(entity, index)).is_ok()
+    }
+
+    /// The number of particles of a net that sleep; of a loose particle 1 or 0. All of a net sleep where it is the number
+    /// of those that are not pinned.
+    pub fn count_of(&self, entity: Entity) -> usize {
+        let first = self.all.partition_point(|(other, _)| *other < entity);
+        self.all[first..].partition_point(|(other, _)| *other == entity)
+    }
 }

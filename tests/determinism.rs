@@ -279,6 +279,7 @@ fn child_prints_its_history() {
         println!("hash {hash}");
     }
     println!("hash {}", dense_pile());
+    sleeping_pile().into_iter().for_each(|hash| println!("hash {hash}"));
 }
 
 /// The state of a dense pile of balls after two ticks, large enough for its contacts to be solved in slabs.
@@ -308,6 +309,33 @@ fn dense_pile() -> u64 {
     hasher.finish()
 }
 
+/// Balls, so many that all threads search and solve for them, fall asleep in a box and are woken by one that is thrown: who
+/// sleeps and the state every tenth tick, and at the end.
+fn sleeping_pile() -> Vec<u64> {
+    let mut solver = common::sleep::pile(17);
+    let settings = common::sleep::settings(Integrator::Auto);
+    let (mut hashes, mut most) = (Vec::new(), 0);
+    for tick in 0..SLEEP_TICKS {
+        if tick == SLEEP_TICKS - 20 {
+            assert!(solver.asleep_count() > 0, "nothing sleeps");
+            solver.add_particle(Vec3::new(1.0, 4.5, 1.0), Vec3::NEG_Y * 20.0, 5.0, 0.2).unwrap();
+        }
+        solver.step(&settings);
+        most = most.max(solver.asleep_count());
+        if tick % 10 == 9 {
+            let mut hasher = DefaultHasher::new();
+            common::bodies::solver_bits(&solver).hash(&mut hasher);
+            (0..solver.particle_count()).for_each(|slot| solver.is_asleep(slot).hash(&mut hasher));
+            hashes.push(hasher.finish());
+        }
+    }
+    assert!(solver.asleep_count() < most, "nothing was woken");
+    hashes
+}
+
+/// Ticks of the pile that falls asleep.
+const SLEEP_TICKS: u32 = 120;
+
 fn history_on(threads: usize, name: &str) -> Vec<u64> {
     let child = Command::new(std::env::current_exe().expect("the path of the test binary is available"))
         .args(["--exact", name, "--ignored", "--nocapture"])
@@ -333,7 +361,7 @@ fn history_on(threads: usize, name: &str) -> Vec<u64> {
 fn the_number_of_threads_does_not_matter() {
     let name = "child_prints_its_history";
     let one = history_on(1, name);
-    assert_eq!(one.len(), (LARGE_TICKS + 3 * OTHER_TICKS) as usize + 1);
+    assert_eq!(one.len(), (LARGE_TICKS + 3 * OTHER_TICKS + SLEEP_TICKS / 10) as usize + 1);
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
     }

@@ -6,12 +6,13 @@ use bevy::prelude::*;
 use super::MassSpringGizmos;
 use crate::nets::{PartState, ParticleNet, Parts};
 use crate::particle::Pinned;
+use crate::report::SleepingParticles;
 use crate::settings::Dimensions;
 
 #[cfg(not(feature = "render"))]
-type NetData = (Ref<'static, ParticleNet>, Option<&'static Parts>);
+type NetData = (Entity, Ref<'static, ParticleNet>, Option<&'static Parts>);
 #[cfg(feature = "render")]
-type NetData = (Ref<'static, ParticleNet>, Option<&'static Parts>, Option<&'static NetEasing>);
+type NetData = (Entity, Ref<'static, ParticleNet>, Option<&'static Parts>, Option<&'static NetEasing>);
 #[cfg(feature = "render")]
 use crate::render::easing::NetEasing;
 
@@ -26,6 +27,7 @@ pub(super) struct SeenNets<'w, 's> {
 
 /// A net in a frame.
 pub(super) struct SeenNet<'a> {
+    entity: Entity,
     pub net: Ref<'a, ParticleNet>,
     parts: Option<&'a Parts>,
     /// Where its particles come from, and the part of the way that lies behind.
@@ -53,17 +55,25 @@ impl SeenNets<'_, '_> {
     }
 
     #[cfg(not(feature = "render"))]
-    fn see<'a>(&self, (net, parts): (Ref<'a, ParticleNet>, Option<&'a Parts>)) -> SeenNet<'a> {
-        SeenNet { net, parts, way: None }
+    fn see<'a>(
+        &self,
+        (entity, net, parts): (Entity, Ref<'a, ParticleNet>, Option<&'a Parts>),
+    ) -> SeenNet<'a> {
+        SeenNet { entity, net, parts, way: None }
     }
 
     #[cfg(feature = "render")]
     fn see<'a>(
         &self,
-        (net, parts, easing): (Ref<'a, ParticleNet>, Option<&'a Parts>, Option<&'a NetEasing>),
+        (entity, net, parts, easing): (
+            Entity,
+            Ref<'a, ParticleNet>,
+            Option<&'a Parts>,
+            Option<&'a NetEasing>,
+        ),
     ) -> SeenNet<'a> {
         let way = crate::render::easing::way(&net, easing, self.time.as_deref());
-        SeenNet { net, parts, way }
+        SeenNet { entity, net, parts, way }
     }
 
     /// The particles that are pinned, by themselves or by a part, in ascending order; also before the next tick, and
@@ -82,6 +92,7 @@ impl SeenNets<'_, '_> {
 pub(super) fn draw_particles(
     mut gizmos: Gizmos<MassSpringGizmos>,
     nets: SeenNets,
+    sleeping: Option<Res<SleepingParticles>>,
     mut pinned: Local<Vec<u32>>,
 ) {
     if !gizmos.config_ext.particles {
@@ -91,9 +102,10 @@ pub(super) fn draw_particles(
         nets.find_pinned(&net, &mut pinned);
         for particle in 0..net.net.len() as u32 {
             let Some(place) = net.place(particle) else { continue };
-            let colors = &gizmos.config_ext;
             let is_pinned = pinned.binary_search(&particle).is_ok();
-            let color = if is_pinned { colors.pinned_color } else { colors.particle_color };
+            let is_asleep =
+                sleeping.as_ref().is_some_and(|sleeping| sleeping.contains(net.entity, Some(particle)));
+            let color = gizmos.config_ext.color_of_particle(is_pinned, is_asleep);
             gizmos.sphere(place, net.net.radius(), color).resolution(16);
         }
     }

@@ -60,13 +60,13 @@ pub(super) fn draw_cost(
         nets.iter().map(|net| net.topology().springs.len() - net.broken().len()).sum::<usize>();
     let particles = particles.iter().count() + in_nets;
     let springs = springs.iter().count() + springs_in_nets;
-    let TickReport { contacts, faults, .. } = &*report;
+    let TickReport { contacts, faults, asleep, .. } = &*report;
     let cost = history.mean_cost();
     let total = format!("{:.3}", cost[0] + cost[1] + cost[2]);
     let [gather, step, scatter] = cost.map(|milliseconds| format!("{milliseconds:.3}"));
     let speed = number(measurements.max_speed);
     let lines = [
-        format!("{particles} particles, {springs} springs, {contacts} contacts"),
+        format!("{particles} particles ({asleep} asleep), {springs} springs, {contacts} contacts"),
         format!("{}, fastest {speed} m/s", report.schemes()),
         format!("tick {total} ms = gather {gather} + step {step} + scatter {scatter}"),
     ];

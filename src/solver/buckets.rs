@@ -46,6 +46,11 @@ impl<T: Copy + Default> Buckets<T> {
         &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize]
     }
 
+    /// The number of entries in all buckets.
+    pub fn entries(&self) -> usize {
+        self.entries.len()
+    }
+
     /// Whether no bucket has an entry.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()

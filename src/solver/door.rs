@@ -327,12 +327,22 @@ impl Solver {
 
     /// 1 / mass of a particle, 1/kg; 0 if it is pinned.
     pub fn inverse_mass(&self, number: usize) -> f32 {
-        self.state.particles.inverse_mass()[number]
+        self.state.particles.own_inverse_mass()[number]
     }
 
     /// The radius of a particle, m.
     pub fn radius(&self, number: usize) -> f32 {
         self.state.particles.radius()[number]
+    }
+
+    /// Whether a particle sleeps.
+    pub fn is_asleep(&self, number: usize) -> bool {
+        self.state.is_asleep(number)
+    }
+
+    /// The number of particles that sleep.
+    pub fn asleep_count(&self) -> usize {
+        self.state.asleep_count()
     }
 
     /// The force that pushes a particle, N.

@@ -54,8 +54,8 @@ pub(crate) fn measure(state: &State, gravity: Vec3) -> Measurements {
 
 fn add_particles(state: &State, gravity: DVec3, measurements: &mut Measurements) {
     let particles = &state.particles;
-    for slot in (0..particles.len()).filter(|slot| !particles.is_pinned(*slot)) {
-        let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
+    for slot in (0..particles.len()).filter(|slot| particles.is_movable(*slot)) {
+        let mass = 1.0 / f64::from(particles.own_inverse_mass()[slot]);
         let position = state.origin.as_dvec3() + particles.position.get(slot).as_dvec3();
         let velocity = particles.velocity.get(slot).as_dvec3();
         measurements.kinetic_energy += 0.5 * mass * velocity.length_squared();

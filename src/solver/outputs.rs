@@ -103,7 +103,7 @@ impl Outputs {
             }
         }
         let pinned =
-            (0..particles.len()).filter(|slot| particles.is_pinned(*slot) && !forces[*slot].is_nan());
+            (0..particles.len()).filter(|slot| !particles.is_movable(*slot) && !forces[*slot].is_nan());
         reactions.extend(pinned.map(|slot| (slot, forces[slot].as_vec3())));
     }
 }

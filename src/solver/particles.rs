@@ -1,126 +1,13 @@
 //! Particles as a structure of arrays.
 
+mod vectors;
+
 use bevy::math::{DVec3, Vec3};
 
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
-
-/// Coordinates and velocities below this are cleared, m or m/s: their squares would be subnormal numbers.
-const NEGLIGIBLE: f32 = 1e-18;
-
-/// One vector a particle, stored as three arrays.
-#[derive(Debug, Clone, Default, PartialEq)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub struct Vectors {
-    /// The x components.
-    pub x: Vec<f32>,
-    /// The y components.
-    pub y: Vec<f32>,
-    /// The z components.
-    pub z: Vec<f32>,
-}
-
-impl Vectors {
-    /// The number of vectors.
-    pub fn len(&self) -> usize {
-        self.x.len()
-    }
-
-    /// The vector in slot `index`.
-    #[inline]
-    pub fn get(&self, index: usize) -> Vec3 {
-        Vec3::new(self.x[index], self.y[index], self.z[index])
-    }
-
-    /// Replaces the vector in slot `index`.
-    #[inline]
-    pub fn set(&mut self, index: usize, value: Vec3) {
-        self.x[index] = value.x;
-        self.y[index] = value.y;
-        self.z[index] = value.z;
-    }
-
-    /// Adds `value` to the vector in slot `index`.
-    #[cfg(test)]
-    pub fn add(&mut self, index: usize, value: Vec3) {
-        self.x[index] += value.x;
-        self.y[index] += value.y;
-        self.z[index] += value.z;
-    }
-
-    /// Appends a vector.
-    pub fn push(&mut self, value: Vec3) {
-        self.x.push(value.x);
-        self.y.push(value.y);
-        self.z.push(value.z);
-    }
-
-    /// Makes it `count` vectors; new ones are zero.
-    pub fn resize(&mut self, count: usize) {
-        for axis in self.axes_vec() {
-            axis.resize(count, 0.0);
-        }
-    }
-
-    /// Makes all vectors `value`.
-    pub fn fill(&mut self, value: Vec3) {
-        for (axis, value) in self.axes_mut().into_iter().zip(value.to_array()) {
-            axis.fill(value);
-        }
-    }
-
-    /// Clears negligible components: what decays would end as subnormal numbers, for which processors take ten
-    /// times as long.
-    pub(super) fn clear_negligible(&mut self) {
-        for axis in self.axes_mut() {
-            for value in axis {
-                *value = if value.abs() < NEGLIGIBLE { 0.0 } else { *value };
-            }
-        }
-    }
-
-    /// Becomes a copy of `other`, without allocating if it is large enough already.
-    pub fn copy_from(&mut self, other: &Self) {
-        self.x.clone_from(&other.x);
-        self.y.clone_from(&other.y);
-        self.z.clone_from(&other.z);
-    }
-
-    /// The three arrays, to be treated alike.
-    #[inline]
-    pub fn axes(&self) -> [&[f32]; 3] {
-        [&self.x, &self.y, &self.z]
-    }
-
-    /// The three arrays, to be treated alike.
-    #[inline]
-    pub fn axes_mut(&mut self) -> [&mut [f32]; 3] {
-        [&mut self.x, &mut self.y, &mut self.z]
-    }
-
-    /// The three arrays in chunks of `size` vectors, the last one shorter.
-    pub(super) fn chunks_mut(&mut self, size: usize) -> impl Iterator<Item = [&mut [f32]; 3]> {
-        let [x, y, z] = self.axes_mut().map(|axis| axis.chunks_mut(size));
-        x.zip(y).zip(z).map(|((x, y), z)| [x, y, z])
-    }
-
-    fn axes_vec(&mut self) -> [&mut Vec<f32>; 3] {
-        [&mut self.x, &mut self.y, &mut self.z]
-    }
-}
-
-/// Splits off the first `count` vectors of a slice of [`Vectors`].
-pub(crate) fn split_off<'a>(slice: &mut [&'a mut [f32]; 3], count: usize) -> [&'a mut [f32]; 3] {
-    slice.each_mut().map(|axis| axis.split_off_mut(..count).expect("the slice has `count` vectors"))
-}
-
-/// Replaces vector `index` of a slice of [`Vectors`].
-#[inline]
-pub(crate) fn set(slice: &mut [&mut [f32]; 3], index: usize, value: Vec3) {
-    for (axis, value) in slice.iter_mut().zip(value.to_array()) {
-        axis[index] = value;
-    }
-}
+pub use vectors::Vectors;
+pub(crate) use vectors::{set, split_off};
 
 /// The prescribed motion of a pinned particle in one tick: a straight line at constant velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,13 +49,16 @@ pub(crate) struct Particles {
     pub velocity: Vectors,
     /// The user's forces, N, constant over a tick.
     pub applied_force: Vectors,
+    /// 0 of those that sleep.
     inverse_mass: Vec<f32>,
+    own_inverse_mass: Vec<f32>,
     radius: Vec<f32>,
     /// Those of one family, which is not 0, do not collide with each other.
     family: Vec<u32>,
     families: u32,
     mass_version: Version,
     free_version: Version,
+    movable_version: Version,
     added_version: Version,
     #[cfg_attr(feature = "serialize", serde(default))]
     shape_version: Version,
@@ -180,9 +70,14 @@ impl Particles {
         self.radius.len()
     }
 
-    /// 1 / mass of each, 1/kg; 0 for a pinned particle and an empty slot.
+    /// 1 / mass with which each answers to forces, 1/kg; 0 for a pinned particle, one that sleeps and an empty slot.
     pub fn inverse_mass(&self) -> &[f32] {
         &self.inverse_mass
+    }
+
+    /// 1 / mass of each, asleep or awake, 1/kg; 0 for a pinned particle and an empty slot.
+    pub fn own_inverse_mass(&self) -> &[f32] {
+        &self.own_inverse_mass
     }
 
     /// Radii, m.
@@ -190,15 +85,43 @@ impl Particles {
         &self.radius
     }
 
-    /// Positions and velocities to be written, beside inverse masses and radii.
+    /// Positions and velocities to be written, beside inverse masses and radii; those that sleep have their own.
     pub fn motion_mut(&mut self) -> (&mut Vectors, &mut Vectors, &[f32], &[f32]) {
-        (&mut self.position, &mut self.velocity, &self.inverse_mass, &self.radius)
+        (&mut self.position, &mut self.velocity, &self.own_inverse_mass, &self.radius)
     }
 
-    /// Whether no force moves the particle.
+    /// Positions and velocities to be written, beside the inverse masses with which particles answer to forces.
+    pub fn answers_mut(&mut self) -> (&mut Vectors, &mut Vectors, &[f32]) {
+        (&mut self.position, &mut self.velocity, &self.inverse_mass)
+    }
+
+    /// Whether no force moves the particle: it is pinned, or asleep.
     #[inline]
     pub fn is_pinned(&self, slot: usize) -> bool {
         self.inverse_mass[slot] == 0.0
+    }
+
+    /// Whether forces move the particle while it is awake.
+    #[inline]
+    pub fn is_movable(&self, slot: usize) -> bool {
+        self.own_inverse_mass[slot] != 0.0
+    }
+
+    /// Puts particles to sleep: no force moves them until they are woken.
+    pub fn put_to_sleep(&mut self, slots: impl Iterator<Item = usize>) {
+        for slot in slots {
+            self.velocity.set(slot, Vec3::ZERO);
+            self.inverse_mass[slot] = 0.0;
+        }
+        self.mass_version = Version::new();
+        self.free_version = self.mass_version;
+    }
+
+    /// Wakes particles.
+    pub fn wake(&mut self, slots: impl Iterator<Item = usize>) {
+        slots.for_each(|slot| self.inverse_mass[slot] = self.own_inverse_mass[slot]);
+        self.mass_version = Version::new();
+        self.free_version = self.mass_version;
     }
 
     /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg, radius in m.
@@ -207,10 +130,10 @@ impl Particles {
         self.velocity.push(velocity);
         self.applied_force.push(Vec3::ZERO);
         self.inverse_mass.push(inverse_mass);
+        self.own_inverse_mass.push(inverse_mass);
         self.radius.push(radius);
         self.family.push(0);
-        self.added_version = Version::new();
-        self.free_version = self.added_version;
+        self.note_added();
     }
 
     /// Appends particles: position in m, velocity in m/s, 1 / mass in 1/kg; all of the same radius, m.
@@ -220,12 +143,18 @@ impl Particles {
             self.position.push(position);
             self.velocity.push(velocity);
             self.inverse_mass.push(inverse_mass);
+            self.own_inverse_mass.push(inverse_mass);
         }
         self.applied_force.resize(count);
         self.radius.resize(count, radius);
         self.family.resize(count, 0);
+        self.note_added();
+    }
+
+    fn note_added(&mut self) {
         self.added_version = Version::new();
         self.free_version = self.added_version;
+        self.movable_version = self.added_version;
     }
 
     /// Empties a slot: a pinned point is left that touches nothing.
@@ -233,16 +162,22 @@ impl Particles {
         self.velocity.set(slot, Vec3::ZERO);
         self.applied_force.set(slot, Vec3::ZERO);
         self.inverse_mass[slot] = 0.0;
+        self.own_inverse_mass[slot] = 0.0;
         self.radius[slot] = 0.0;
-        self.added_version = Version::new();
-        self.free_version = self.added_version;
+        self.note_added();
     }
 
+    /// Gives a particle another mass; one that sleeps answers to forces with it once it wakes.
     pub fn set_inverse_mass(&mut self, slot: usize, inverse_mass: f32) {
-        let old = std::mem::replace(&mut self.inverse_mass[slot], inverse_mass);
+        let is_asleep = self.is_movable(slot) && self.is_pinned(slot);
+        let old = std::mem::replace(&mut self.own_inverse_mass[slot], inverse_mass);
+        if !is_asleep {
+            self.inverse_mass[slot] = inverse_mass;
+        }
         self.mass_version = Version::new();
         if (old > 0.0) != (inverse_mass > 0.0) {
             self.free_version = self.mass_version;
+            self.movable_version = self.mass_version;
         }
     }
 
@@ -274,6 +209,7 @@ impl Particles {
         *self = Self::default();
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
+        self.movable_version = self.mass_version;
         self.added_version = self.mass_version;
         self.shape_version = self.mass_version;
     }
@@ -287,12 +223,14 @@ impl Particles {
             self.velocity.set(new, old.velocity.get(slot));
             self.applied_force.set(new, old.applied_force.get(slot));
             self.inverse_mass[new] = old.inverse_mass[slot];
+            self.own_inverse_mass[new] = old.own_inverse_mass[slot];
             self.radius[new] = old.radius[slot];
             self.family[new] = old.family[slot];
         }
         self.mass_version = Version::new();
         self.free_version = self.mass_version;
         self.shape_version = self.mass_version;
+        self.movable_version = self.mass_version;
     }
 
     /// Changes with the mass of a particle, or when one is pinned or freed.
@@ -300,7 +238,7 @@ impl Particles {
         self.mass_version
     }
 
-    /// Changes when the set of free particles does.
+    /// Changes when the set of free particles does: of those that forces move.
     pub(super) fn free_version(&self) -> Version {
         self.free_version
     }
@@ -308,6 +246,11 @@ impl Particles {
     /// Changes with radii and families.
     pub(super) fn shape_version(&self) -> Version {
         self.shape_version
+    }
+
+    /// Changes when the set of movable particles does, asleep or awake.
+    pub(super) fn movable_version(&self) -> Version {
+        self.movable_version
     }
 
     /// Changes when a particle is added or removed.
@@ -360,24 +303,4 @@ fn decay(x: f64) -> [f64; 3] {
         (mean, decay) = (mean * 0.5 * (1.0 + decay), decay * decay);
     }
     [decay, mean, if doublings == 0 { double_mean } else { (1.0 - mean) / x }]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn negligible_components_are_cleared_and_nothing_else() {
-        let mut vectors = Vectors::default();
-        let kept = [Vec3::new(1e-17, -1e-17, 0.0), Vec3::new(f32::INFINITY, -3.0, f32::MAX)];
-        let negligible = Vec3::new(1e-19, -1e-40, f32::MIN_POSITIVE);
-        for vector in [kept[0], negligible, kept[1]] {
-            vectors.push(vector);
-        }
-        vectors.clear_negligible();
-        assert_eq!([0, 1, 2].map(|slot| vectors.get(slot)), [kept[0], Vec3::ZERO, kept[1]]);
-        vectors.set(0, Vec3::NAN);
-        vectors.clear_negligible();
-        assert!(vectors.get(0).is_nan(), "faults stay to be found");
-    }
 }

@@ -159,6 +159,7 @@ impl SubstepMode {
 
 /// How particles collide with each other.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct PairRules {
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f32,
@@ -168,6 +169,7 @@ pub struct PairRules {
 
 /// Gusts: a velocity that is added to the wind, smooth in place and time, carried along by the wind.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gusts {
     /// The greatest gust along each axis, m/s.
     pub strength: Vec3,
@@ -179,8 +181,26 @@ pub struct Gusts {
     pub seed: u32,
 }
 
+/// When particles fall asleep: what rests costs nothing until something happens to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub struct Sleep {
+    /// The speed that counts as rest, m/s, >= 0: over the delay a particle moves by less than a fifth of the way at it, and
+    /// is never faster than ten times it. Default 0.001.
+    pub speed: f32,
+    /// For how long particles rest before they fall asleep, s, > 0. Default 0.5.
+    pub delay: f32,
+}
+
+impl Default for Sleep {
+    fn default() -> Self {
+        Self { speed: 0.001, delay: 0.5 }
+    }
+}
+
 /// The parameters of one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct StepSettings {
     /// The integration scheme. Default [`Integrator::Auto`].
     pub integrator: Integrator,
@@ -202,6 +222,8 @@ pub struct StepSettings {
     pub collide_with_colliders: bool,
     /// How particles collide with each other; `None`: not at all. Default `None`.
     pub pair_rules: Option<PairRules>,
+    /// When particles fall asleep; `None`: never. Default `None`.
+    pub sleep: Option<Sleep>,
     /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
     /// to that of the other, where particles collide. Default false.
     pub collide_springs: bool,
@@ -225,6 +247,7 @@ impl Default for StepSettings {
             gusts: None,
             collide_with_colliders: true,
             pair_rules: None,
+            sleep: None,
             collide_springs: false,
             implicit_surfaces: false,
             is_flat: false,

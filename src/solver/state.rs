@@ -16,6 +16,7 @@ use crate::solver::elements::{CollisionMesh, Elements, Exposed, Release, Spring}
 use crate::solver::gusts::AirClock;
 use crate::solver::particles::Particles;
 use crate::solver::pulls::Pulls;
+use crate::solver::sleep::SleepMemory;
 
 pub(crate) use bulk::{NetElements, NetRanges};
 
@@ -71,12 +72,14 @@ pub struct State {
     pub(super) mesh: CollisionMesh,
     /// Whether particles or springs were placed since the last tick so that the ends of a spring may coincide.
     pub(super) may_coincide: bool,
+    pub(super) sleep: SleepMemory,
 }
 
 impl State {
     /// Removes all particles and elements; what is remembered of contacts waits for
     /// [`renumber_contacts`](Self::renumber_contacts).
     pub(crate) fn clear(&mut self) {
+        self.sleep.before_clear(&self.particles);
         self.particles.clear();
         self.elements.clear();
         self.exposed.clear();
@@ -86,6 +89,7 @@ impl State {
     /// Keeps what is remembered of contacts for particles that are back in other slots: `new_slots[old]`.
     pub(crate) fn renumber_contacts(&mut self, new_slots: &[Option<u32>]) {
         self.contacts.renumber(new_slots, self.particles.len());
+        self.sleep.renumber(new_slots, &mut self.particles);
     }
 
     /// Takes the pulls out, before [`clear`](Self::clear) and what follows it would mix them up.
@@ -100,8 +104,9 @@ impl State {
         self.releases.retain_mut(|release| release.renumber(new_slots));
     }
 
-    /// Resets what is remembered of contacts and pulls, as if the simulation had just started.
+    /// Resets what is remembered of contacts, pulls and sleep, as if the simulation had just started.
     pub(crate) fn forget_contacts(&mut self) {
+        self.sleep.forget(&mut self.particles);
         self.contacts.forget();
         self.pulls.clear();
         self.releases.clear();
@@ -113,11 +118,33 @@ impl State {
         for (axis, shift) in self.particles.position.axes_mut().into_iter().zip(shift.to_array()) {
             axis.iter_mut().for_each(|coordinate| *coordinate -= shift);
         }
+        self.sleep.shift(shift);
         self.contacts.request_search();
+    }
+
+    /// The number of particles that sleep.
+    pub(crate) fn asleep_count(&self) -> usize {
+        self.sleep.asleep()
+    }
+
+    /// Changes when anything falls asleep or wakes.
+    pub(crate) fn sleep_version(&self) -> Version {
+        self.sleep.version()
+    }
+
+    /// Whether no particle of some slots is both awake and moved by forces.
+    pub(crate) fn rests(&self, mut slots: impl Iterator<Item = usize>) -> bool {
+        slots.all(|slot| slot < self.particles.len() && self.particles.is_pinned(slot))
+    }
+
+    /// Whether the particle in a slot sleeps.
+    pub(crate) fn is_asleep(&self, slot: usize) -> bool {
+        self.sleep.is_asleep(slot)
     }
 
     /// Appends a particle: position in m, velocity in m/s, 1 / mass in 1/kg (0: pinned), radius in m.
     pub(crate) fn add_particle(&mut self, position: Vec3, velocity: Vec3, inverse_mass: f32, radius: f32) {
+        self.sleep.add(self.particles.len());
         self.particles.push(position, velocity, inverse_mass, radius);
         self.contacts.request_search();
     }
@@ -125,6 +152,7 @@ impl State {
     /// Empties the slot of a particle. Its springs are to be removed, too; faces and filaments there leave with it, and a
     /// gas whose surface it was a part of escapes.
     pub(crate) fn remove_particle(&mut self, slot: usize) {
+        self.sleep.vanish(slot, &self.particles);
         self.particles.vacate(slot);
         self.exposed.remove_particle(slot);
         self.mesh.remove_particle(slot);
@@ -136,13 +164,15 @@ impl State {
 
     /// Changes the inverse mass (1/kg; 0: pinned) and the radius (m) of a particle, where they are others.
     pub(crate) fn set_particle(&mut self, slot: usize, inverse_mass: f32, radius: f32) {
-        if self.particles.inverse_mass()[slot] != inverse_mass {
-            self.may_coincide |= self.particles.is_pinned(slot);
+        if self.particles.own_inverse_mass()[slot] != inverse_mass {
+            self.may_coincide |= !self.particles.is_movable(slot);
             self.particles.set_inverse_mass(slot, inverse_mass);
+            self.sleep.disturb(slot);
             self.pulls.forget(slot);
             self.contacts.request_search();
         }
         if self.particles.radius()[slot] != radius {
+            self.sleep.vanish(slot, &self.particles);
             self.particles.set_radius(slot, radius);
             self.contacts.request_search();
         }
@@ -150,6 +180,7 @@ impl State {
 
     /// Puts a particle somewhere else, without a motion from where it was.
     pub(crate) fn teleport(&mut self, slot: usize, position: Vec3) {
+        self.sleep.vanish(slot, &self.particles);
         self.particles.position.set(slot, position);
         self.pulls.forget(slot);
         self.contacts.forget_particle(slot);
@@ -159,19 +190,21 @@ impl State {
     /// Puts a particle somewhere else together with all that elements join to it, without a motion from where they
     /// were; `turn` turns vectors as the whole has turned.
     pub(crate) fn carry(&mut self, slot: usize, position: Vec3, turn: impl FnOnce(Vec3) -> Vec3) {
+        self.sleep.vanish(slot, &self.particles);
         self.particles.position.set(slot, position);
         self.pulls.turn(slot, turn);
     }
 
     /// Takes note that an element at a particle is longer or shorter than the last tick left it.
     pub(crate) fn strain(&mut self, slot: usize) {
+        self.sleep.disturb(slot);
         self.pulls.forget(slot);
     }
 
     /// Appends a spring between the slots `ends`, which differ; its index.
     pub(crate) fn add_spring(&mut self, ends: [usize; 2], spring: Spring) -> usize {
         self.contacts.request_search();
-        ends.into_iter().for_each(|end| self.pulls.forget(end));
+        ends.into_iter().for_each(|end| self.strain(end));
         self.may_coincide = true;
         self.elements.push(ends.map(|end| end as u32), spring)
     }
@@ -193,6 +226,8 @@ impl State {
                 // Else its parameters, and with them the pulls, go on from where they are.
                 self.forget_pulls(index);
             }
+            let (ends, _) = self.spring_with_ends(index);
+            ends.into_iter().for_each(|end| self.sleep.disturb(end));
             self.elements.set(index, spring);
             self.contacts.request_search();
         }
@@ -201,7 +236,7 @@ impl State {
     /// The pulls at the ends of a spring are others by now.
     fn forget_pulls(&mut self, index: usize) {
         let (ends, _) = self.spring_with_ends(index);
-        ends.into_iter().for_each(|end| self.pulls.forget(end));
+        ends.into_iter().for_each(|end| self.strain(end));
     }
 
     /// The parameters of the springs that were there when the last tick ended, as they were then.
@@ -236,6 +271,7 @@ impl State {
 
     /// Moves each particle to the slot `new_slots[old]`.
     pub(crate) fn renumber(&mut self, new_slots: &[u32]) {
+        self.sleep.before_clear(&self.particles);
         self.particles.renumber(new_slots);
         self.elements.renumber(new_slots);
         self.exposed.renumber(new_slots);

@@ -8,6 +8,7 @@ use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
 use crate::solver::settings::{Field, Integrator, StepSettings};
+use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
@@ -41,6 +42,7 @@ pub(crate) struct Caches {
     surfaces: Surfaces,
     strain_limits: StrainLimits,
     failures: Failures,
+    sleep: SleepCaches,
 }
 
 /// Advances `state` by one tick of `settings.time_step` seconds.
@@ -53,10 +55,17 @@ pub(crate) fn step(
     outputs: &mut Outputs,
     settings: &StepSettings,
 ) {
-    state.elements.settle(state.particles.inverse_mass());
+    state.elements.settle(state.particles.own_inverse_mass());
     state.elements.begin_ramps();
+    let Inputs { pinned: motions, colliders, skins } = inputs;
+    let around = Around { motions, colliders, skins };
+    caches.sleep.begin_tick(sleepers(state), around, settings);
     let plan = caches.plan(state, settings);
     outputs.begin_tick(plan);
+    if caches.sleep.is_all(&state.sleep) {
+        caches.rest(state, inputs, outputs, settings);
+        return;
+    }
     caches.prepare(state, plan);
     for motion in &inputs.pinned {
         state.particles.position.set(motion.slot, motion.start);
@@ -120,10 +129,16 @@ pub(crate) fn step(
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
-    state.air_clock.advance(settings.wind, settings.time_step);
-    state.pulls.end_tick();
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
+    if settings.sleep.is_some() {
+        let Caches { sleep, contacts, air, implicit_euler, .. } = caches;
+        let touching = if plan.is_implicit() { implicit_euler.touching() } else { &[] };
+        let field = Field { air: air.load(), ..settings.field() };
+        sleep.end_tick(sleepers(state), around, (contacts, touching), (settings, field));
+    }
+    state.air_clock.advance(settings.wind, settings.time_step);
+    state.pulls.end_tick();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
     outputs.contact_count = caches.contacts.count() + caches.surfaces.count() + in_implicit_step;
     if outputs.record_forces {
@@ -133,7 +148,30 @@ pub(crate) fn step(
     outputs.read_gases(&state.elements, &state.particles.position);
 }
 
+/// What sleep has to do with of the state.
+fn sleepers(state: &mut State) -> Sleepers<'_> {
+    let State { sleep: memory, particles, elements, exposed, mesh, contacts, pulls, .. } = state;
+    Sleepers { memory, particles, elements, exposed, mesh, contacts, pulls }
+}
+
 impl Caches {
+    /// A tick in which all sleeps: only pinned particles move.
+    fn rest(&mut self, state: &mut State, inputs: &Inputs, outputs: &mut Outputs, settings: &StepSettings) {
+        PinnedMotions { motions: &inputs.pinned, elapsed: 1.0, time_step: settings.time_step }
+            .apply(&mut state.particles);
+        state.may_coincide = false;
+        self.contacts.rest();
+        state.elements.end_ramps();
+        state.releases.iter_mut().for_each(|release| release.time_left -= settings.time_step);
+        state.releases.retain(|release| release.time_left > 0.0);
+        state.air_clock.advance(settings.wind, settings.time_step);
+        outputs.contact_count = 0;
+        if outputs.record_forces {
+            outputs.end_tick(&state.elements, &state.particles, &[]);
+        }
+        outputs.read_gases(&state.elements, &state.particles.position);
+    }
+
     /// What a tick with these settings would run.
     pub fn plan(&mut self, state: &State, settings: &StepSettings) -> Plan {
         self.planner.plan(&state.elements, &state.particles, settings)

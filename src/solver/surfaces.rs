@@ -18,17 +18,24 @@ impl State {
 
     /// Changes how the air acts on some faces; removed ones stay removed.
     pub(crate) fn set_faces(&mut self, faces: Range<usize>, face: Face) {
-        self.exposed.faces[faces].iter_mut().for_each(|(_, old)| *old = face);
+        for (ends, old) in self.exposed.faces[faces].iter_mut().filter(|(_, old)| *old != face) {
+            *old = face;
+            ends.iter().for_each(|end| self.sleep.disturb(*end as usize));
+        }
     }
 
     /// Gives a face other ends, as where a cloth tears.
     pub(crate) fn move_face(&mut self, number: usize, ends: [u32; 3]) {
+        ends.iter().for_each(|end| self.sleep.disturb(*end as usize));
         self.exposed.move_face(number, ends);
     }
 
     /// Removes some faces.
     pub(crate) fn remove_faces(&mut self, faces: Range<usize>) {
-        faces.for_each(|number| self.exposed.remove_face(number));
+        for number in faces {
+            self.exposed.faces[number].0.iter().for_each(|end| self.sleep.disturb(*end as usize));
+            self.exposed.remove_face(number);
+        }
     }
 
     /// Appends thin links between the slots `ends` that the air blows at; their numbers.
@@ -43,7 +50,10 @@ impl State {
 
     /// Changes how the air acts on some filaments; removed ones stay removed.
     pub(crate) fn set_filaments(&mut self, filaments: Range<usize>, filament: Filament) {
-        self.exposed.filaments[filaments].iter_mut().for_each(|(_, old)| *old = filament);
+        for (ends, old) in self.exposed.filaments[filaments].iter_mut().filter(|(_, old)| *old != filament) {
+            *old = filament;
+            ends.iter().for_each(|end| self.sleep.disturb(*end as usize));
+        }
     }
 
     /// Removes some filaments.
@@ -95,6 +105,7 @@ impl State {
     /// What pulls at the particles of a surface is other by now.
     fn forget_pulls_of_gas(&mut self, number: usize) {
         for slot in &self.elements.gases().all()[number].slots {
+            self.sleep.disturb(*slot as usize);
             self.pulls.forget(*slot as usize);
         }
     }

@@ -8,9 +8,10 @@ use bevy::prelude::*;
 use crate::collider::{CollisionSettings, Contact};
 use crate::environment::{Environment, Gusts};
 use crate::report::{SpringForces, TickReport};
-use crate::settings::{Dimensions, SolverSettings};
+use crate::settings::{Dimensions, SleepSettings, SolverSettings};
 use crate::solver::{
-    self, MAX_SUBSTEPS, Measurements, PairRules, Plan, StepSettings, SubstepMode, Version, measure, step,
+    self, MAX_SUBSTEPS, Measurements, PairRules, Plan, Sleep, StepSettings, SubstepMode, Version, measure,
+    step,
 };
 
 use super::Simulation;
@@ -44,6 +45,7 @@ pub(super) fn run_step(
     (report.integrator, report.substeps) = (integrator, substeps);
     (report.stiff_substeps, report.stiff_springs) = (stiff_substeps, stiff_springs);
     report.particles = state.particles.live() - state.nets.quarantined;
+    report.asleep = state.solver.asleep_count();
     report.springs = state.springs.live();
     report.contacts = outputs.contact_count;
     report.gather_time = gathered.start.map_or(Duration::ZERO, |gather_start| start - gather_start);
@@ -70,6 +72,7 @@ pub(super) struct Configuration<'w, 's> {
     solver: Res<'w, SolverSettings>,
     dimensions: Res<'w, Dimensions>,
     collisions: Res<'w, CollisionSettings>,
+    sleep: Res<'w, SleepSettings>,
     /// What was logged last, so that it is logged once.
     logged: Local<'s, Option<String>>,
 }
@@ -93,6 +96,11 @@ impl Configuration<'_, '_> {
             environment.gravity.z = 0.0;
             environment.wind.z = 0.0;
         }
+        let mut sleep = *self.sleep;
+        if let Err(problem) = sleep.validate() {
+            complaints.push(format!("SleepSettings: {problem}; nothing sleeps"));
+            sleep.enabled = false;
+        }
         let SolverSettings { integrator, substeps } = *self.solver;
         if substeps == SubstepMode::Fixed(0) {
             complaints
@@ -110,6 +118,7 @@ impl Configuration<'_, '_> {
             gusts: environment.gusts.map(|gusts| self.gusts(gusts)),
             collide_with_colliders: ground,
             pair_rules: particles.then_some(PairRules { restitution, friction }),
+            sleep: sleep.enabled.then_some(Sleep { speed: sleep.speed, delay: sleep.delay }),
             collide_springs: springs,
             implicit_surfaces: false,
             is_flat: *self.dimensions == Dimensions::Two,

@@ -11,10 +11,10 @@ use bevy::prelude::*;
 
 use crate::collider::Contact;
 use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
-use crate::report::{Broke, ParticleFault, SpringForces, TickReport};
+use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
 use crate::settings::Dimensions;
 use crate::solver::particles::Particles;
-use crate::solver::{self, ContactPartner, ContactRecord, Outputs, parallel};
+use crate::solver::{self, ContactPartner, ContactRecord, Outputs, Version, parallel};
 use crate::spring::{Broken, Spring};
 
 use super::Simulation;
@@ -63,6 +63,9 @@ pub(super) fn scatter(
     }
     if let Some(forces) = &mut publications.forces {
         publish_forces(&simulation.outputs, &state, &nets, forces);
+    }
+    if let Some(sleeping) = &mut publications.sleeping {
+        publish_sleeping(&state, &nets, sleeping, &mut publications.published_sleep);
     }
     report.scatter_time = start.elapsed();
 }
@@ -158,6 +161,9 @@ pub(super) struct Publications<'w, 's> {
     broke: MessageWriter<'w, Broke>,
     contacts: Option<ResMut<'w, Messages<Contact>>>,
     forces: Option<ResMut<'w, SpringForces>>,
+    sleeping: Option<ResMut<'w, SleepingParticles>>,
+    /// Of the sleep that was published last.
+    published_sleep: Local<'s, Version>,
     springs: Query<'w, 's, &'static mut Spring>,
 }
 
@@ -239,6 +245,25 @@ fn merged_contacts(
             Some(Contact { particle, index, other, other_index, point, normal: last.normal, impulse })
         })
         .collect()
+}
+
+/// Which particles sleep, if others do than in the last tick.
+fn publish_sleeping(
+    state: &MassSpringState,
+    nets: &GatheredNets,
+    sleeping: &mut ResMut<SleepingParticles>,
+    published: &mut Version,
+) {
+    let version = state.solver.sleep_version();
+    if std::mem::replace(published, version) == version && !sleeping.is_added() {
+        return;
+    }
+    let particles = state.particles.slots.iter().copied().enumerate();
+    let asleep = particles.filter(|(slot, _)| state.solver.is_asleep(*slot));
+    let mut all: Vec<_> =
+        asleep.map(|(slot, entity)| (entity, nets.particle_at(state, entity, slot))).collect();
+    all.sort_unstable();
+    sleeping.set_if_neq(SleepingParticles { all });
 }
 
 /// Tensions and reactions, by entity.

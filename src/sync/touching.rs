@@ -4,10 +4,12 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
 use crate::collider::{ContactEnded, ContactEvents, ContactStarted};
+use crate::particle::Particle;
 use crate::solver::ContactPartner;
 
 use super::Simulation;
 use super::colliders::GatheredColliders;
+use super::registry::Slot;
 use super::state::MassSpringState;
 
 /// Who asks.
@@ -39,7 +41,7 @@ pub(super) fn publish_touching(
         Option<ResMut<Messages<ContactStarted>>>,
         Option<ResMut<Messages<ContactEnded>>>,
     ),
-    marked: Query<(), With<ContactEvents>>,
+    (marked, slots): (Query<(), With<ContactEvents>>, Query<&Slot<Particle>>),
     mut commands: Commands,
 ) {
     let entity_in = |slot: usize| state.particles.slots.get(slot).copied();
@@ -52,6 +54,18 @@ pub(super) fn publish_touching(
     };
     let records = simulation.outputs.contacts.iter();
     let mut now: Vec<[Entity; 2]> = records.filter_map(|record| pair(record.slot, record.other)).collect();
+    if state.solver.asleep_count() > 0 {
+        // What sleeps is not examined: it touches what it touched.
+        let rests = |entity: Entity| match state.nets.get(entity).map(|net| &net.place) {
+            Some(Some(place)) => state.solver.rests(place.slots()),
+            Some(None) => false,
+            None => match slots.get(entity).map(Slot::get) {
+                Ok(slot) => slot.is_some_and(|slot| state.solver.rests([slot].into_iter())),
+                Err(_) => colliders.entities.contains(&entity),
+            },
+        };
+        now.extend(state.touching.iter().filter(|pair| pair.iter().all(|entity| rests(*entity))));
+    }
     now.sort_unstable();
     now.dedup();
     let before = std::mem::replace(&mut state.touching, now);

@@ -6,6 +6,7 @@ pub mod bodies;
 pub mod crossings;
 pub mod logged;
 pub mod reference;
+pub mod sleep;
 
 use bevy::app::{Plugins, TaskPoolOptions, TaskPoolPlugin};
 use bevy::prelude::*;

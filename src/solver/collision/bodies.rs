@@ -31,10 +31,16 @@ pub(super) struct Body {
     pub touching: u8,
     /// Whether it rests on the ground or on something that does.
     pub supported: bool,
+    /// Whether the ground or something on it is in contact with it from below, however steep.
+    pub carried: bool,
     /// Whether springs pull at it.
     pub sprung: bool,
     /// Whether its contacts with what is pinned are solved by implicit Euler.
     pub implicit: bool,
+    /// Whether any of its contacts slips, or it touches what moves it along.
+    pub slips: bool,
+    /// Whether it stays where it is in this substep.
+    pub held: bool,
 }
 
 impl Body {
@@ -67,8 +73,11 @@ pub(super) fn fill(
                 holds: 0,
                 touching: 0,
                 supported: particles.inverse_mass()[slot] == 0.0,
+                carried: particles.inverse_mass()[slot] == 0.0,
                 sprung: exclusions.is_sprung(slot),
                 implicit: is_implicit.get(slot) == Some(&true),
+                slips: false,
+                held: particles.inverse_mass()[slot] == 0.0,
             };
         }
     });

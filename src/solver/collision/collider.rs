@@ -51,12 +51,8 @@ impl Collider {
         self.shape.is_half_space() && !self.is_sensor
     }
 
-    fn moves(&self) -> bool {
-        self.start != self.target
-    }
-
     /// What bounds it during the whole tick.
-    fn bounds(&self) -> Bounds {
+    pub(super) fn bounds(&self) -> Bounds {
         let Self { shape, start, target, .. } = self;
         if start.rotation == target.rotation {
             return shape.bounds(*start).union(shape.bounds(*target));
@@ -149,6 +145,20 @@ impl Placed {
                 *moment = collider.between(parts, time_step);
             }
         }
+    }
+
+    /// No point of a surface moves farther in the substep, m.
+    pub fn longest_way(&self, place: usize, colliders: &[Collider]) -> f32 {
+        let collider = &colliders[self.numbers[place] as usize];
+        if !collider.moves() {
+            return 0.0;
+        }
+        let Moment { from, to, .. } = self.moments[place];
+        // Columns of a rotation differ by the ways of points at a distance of 1 on the axes.
+        let turned =
+            (to.rotation - from.rotation).to_cols_array().iter().map(|part| part * part).sum::<f64>();
+        let way = from.point.distance(to.point) + turned.sqrt() * f64::from(collider.shape.reach());
+        if way.is_nan() { f32::INFINITY } else { way as f32 * (1.0 + f32::EPSILON) }
     }
 
     /// Whether there are none.

@@ -39,6 +39,7 @@ impl CombineRule {
 
 /// What a surface does to what touches it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Material {
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f32,
@@ -74,6 +75,7 @@ impl Material {
 
 /// The layers that something is in, and those that it touches: two touch if each filters one that the other is in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Layers {
     /// Those that it is in, a bit each.
     pub memberships: u32,
@@ -100,6 +102,7 @@ impl Default for Layers {
 
 /// The surface of a particle, where it is not as that of all others.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Skin {
     /// `None`: what it touches decides.
     pub material: Option<Material>,
@@ -108,7 +111,7 @@ pub struct Skin {
 }
 
 /// The skins of all particles by slot; empty, or shorter than there are, where the others have the default one.
-pub(super) fn skin_of(skins: &[Skin], slot: usize) -> Skin {
+pub(in crate::solver) fn skin_of(skins: &[Skin], slot: usize) -> Skin {
     skins.get(slot).copied().unwrap_or_default()
 }
 

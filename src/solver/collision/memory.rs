@@ -20,6 +20,10 @@ pub struct ContactMemory {
     pub(super) contacts: Vec<RememberedContact>,
     /// The entangled pairs of slots, the smaller first.
     pub(super) entangled: Vec<[u32; 2]>,
+    /// The pairs that touched when both fell asleep, to go on from there.
+    dormant: Vec<RememberedContact>,
+    /// The entangled pairs of particles that sleep.
+    dormant_entangled: Vec<[u32; 2]>,
     /// Whether the particle in each slot was a sphere in the last search.
     pub(super) searched: Vec<bool>,
     pub(super) version: Version,
@@ -63,6 +67,24 @@ impl ContactMemory {
         }
     }
 
+    /// To be called when particles have fallen asleep: `is_held` says which do, or are pinned.
+    pub fn put_to_sleep(&mut self, is_held: impl Fn(usize) -> bool) {
+        let are_held = |slots: &[u32; 2]| slots.iter().all(|slot| is_held(*slot as usize));
+        let Self { contacts, entangled, dormant, dormant_entangled, .. } = self;
+        dormant.extend(contacts.extract_if(.., |contact| are_held(&contact.slots)));
+        dormant_entangled.extend(entangled.extract_if(.., |pair| are_held(pair)));
+        self.request_search();
+    }
+
+    /// To be called when particles have woken: `is_asleep` says which have not.
+    pub fn wake(&mut self, is_asleep: impl Fn(usize) -> bool) {
+        let are_awake = |slots: &[u32; 2]| !slots.iter().any(|slot| is_asleep(*slot as usize));
+        let Self { contacts, entangled, dormant, dormant_entangled, .. } = self;
+        contacts.extend(dormant.extract_if(.., |contact| are_awake(&contact.slots)));
+        entangled.extend(dormant_entangled.extract_if(.., |pair| are_awake(pair)));
+        self.request_search();
+    }
+
     /// To be called when the particle in a slot is another one or was put elsewhere: its contacts are
     /// forgotten, and the particles on springs that it overlaps now do not collide with it until they part.
     pub fn forget_particle(&mut self, slot: usize) {
@@ -81,9 +103,13 @@ impl ContactMemory {
             *pair = [one, other];
             true
         };
-        self.contacts.retain_mut(|contact| new_pair(&mut contact.slots));
-        self.entangled.retain_mut(new_pair);
-        self.entangled.iter_mut().for_each(|pair| pair.sort_unstable());
+        for contacts in [&mut self.contacts, &mut self.dormant] {
+            contacts.retain_mut(|contact| new_pair(&mut contact.slots));
+        }
+        for entangled in [&mut self.entangled, &mut self.dormant_entangled] {
+            entangled.retain_mut(new_pair);
+            entangled.iter_mut().for_each(|pair| pair.sort_unstable());
+        }
         let old = std::mem::replace(&mut self.searched, vec![false; count]);
         for (searched, new) in old.into_iter().zip(new_slots) {
             if let Some(place) = new.and_then(|new| self.searched.get_mut(new as usize)) {

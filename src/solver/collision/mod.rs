@@ -9,7 +9,8 @@
 //! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
 //! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
 //! `pairs.rs`, `plane.rs` and `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are,
-//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` what touches them.
+//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` which particles touch them,
+//! `feature_search.rs` which edges and triangles, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
 
 mod bodies;
 mod broad_phase;
@@ -17,6 +18,7 @@ mod candidates;
 mod chain_search;
 mod chains;
 mod collider;
+mod feature_search;
 mod features;
 mod grid;
 mod list;
@@ -26,9 +28,11 @@ mod narrow;
 mod obstacles;
 mod pairs;
 mod plane;
+mod presence;
 mod record;
 mod regions;
 mod response;
+mod rest;
 mod shapes;
 mod solids;
 mod stiff_pairs;
@@ -47,14 +51,17 @@ use candidates::Candidates;
 use chains::Proof;
 pub use collider::Collider;
 use collider::Placed;
+use feature_search::FeatureSearch;
 use features::Features;
 pub(super) use features::{Feature, sum, weigh};
+pub(super) use material::skin_of;
 pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
 pub use plane::Pose;
 use plane::{PlaneContact, Surface};
+pub(super) use presence::Presence;
 pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
 pub use shapes::{MeshError, MeshKind, Shape};
@@ -66,10 +73,6 @@ use touch_search::Touches;
 /// Number of iterations, at most, over the velocities of all contacts in each substep.
 const VELOCITY_ITERATIONS: usize = 3;
 
-/// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a
-/// substep: a settled pile is then checked once a substep and needs no iteration.
-const SETTLED_ERROR: f32 = 0.02;
-
 /// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
 
@@ -77,9 +80,6 @@ const POSITION_ITERATIONS: usize = 2;
 /// in one, all overlaps of a particle together displace it by about this part of the sum of two radii in a second
 /// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
 const RECOVERY_RATE: f32 = 10.0;
-
-/// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
-const JAMMING_CONTACTS: u32 = 3;
 
 /// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one
 /// gives the same results.
@@ -92,6 +92,7 @@ pub(super) struct ContactCaches {
     placed: Placed,
     touches: Touches,
     features: Features,
+    feature_search: FeatureSearch,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
@@ -242,8 +243,10 @@ impl ContactCaches {
         let Substep { settings, integrator, duration, .. } = substep;
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
-        self.solve_velocities(rules, gravity * duration, integrator.displacement_share() * duration);
-        self.hold_jammed(gravity * duration);
+        let tolerance = rest::tolerated_error(settings) * gravity * duration;
+        let falls_asleep = settings.sleep.is_some();
+        self.solve_velocities((rules, falls_asleep), tolerance, integrator.displacement_share() * duration);
+        self.hold_still(gravity * duration, falls_asleep);
         self.solve_positions(rules, duration);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
         if let Some(records) = records {
@@ -334,12 +337,16 @@ impl ContactCaches {
             let up = Vec3A::from(substep.up());
             for contact in &self.plane_contacts {
                 let body = &mut self.bodies[contact.body];
-                body.supported |= self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                let carries = self.surfaces[contact.plane].normal.dot(up) > 0.0;
+                body.supported |= carries;
+                body.carried |= carries;
                 body.holds += 1;
             }
             for touch in &self.touches.all {
                 let body = &mut self.bodies[touch.bodies[0] as usize];
-                body.supported |= touch.normal.dot(up) > 0.0;
+                let carries = touch.normal.dot(up) > 0.0;
+                body.supported |= carries;
+                body.carried |= carries;
                 body.holds += 1;
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
@@ -348,10 +355,9 @@ impl ContactCaches {
         }
     }
 
-    fn solve_velocities(&mut self, rules: PairRules, resting_speed: f32, reach: f32) {
+    fn solve_velocities(&mut self, (rules, falls_asleep): (PairRules, bool), tolerance: f32, reach: f32) {
         let pairs = self.pair_count() > 0;
         if pairs {
-            let tolerance = SETTLED_ERROR * resting_speed;
             let Self { pair_contacts, candidates, bodies, .. } = self;
             pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
             for _ in 0..VELOCITY_ITERATIONS {
@@ -370,7 +376,8 @@ impl ContactCaches {
         (0..iterations).for_each(|_| self.solve_plane_velocities());
         if pairs {
             let Self { pair_contacts, candidates, bodies, .. } = self;
-            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, reach);
+            let friction = falls_asleep.then_some(rules);
+            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (friction, reach));
         }
     }
 
@@ -379,23 +386,6 @@ impl ContactCaches {
             plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
         }
         self.touches.all.iter_mut().for_each(|touch| touch.solve_velocity(&mut self.bodies));
-    }
-
-    /// Leaves a particle where it was that others hold from at least three sides, on the ground, and that
-    /// is slower than what gravity gives in a substep: it is jammed. Without it the corrections of its
-    /// overlaps would keep a pile moving at that speed for ever.
-    fn hold_jammed(&mut self, resting_speed: f32) {
-        if self.pair_count() == 0 {
-            return;
-        }
-        bodies::for_each(&mut self.bodies, &self.candidates.regions, |body| {
-            let is_explicit = body.inverse_mass > 0.0 && !body.implicit;
-            let held = body.holds >= JAMMING_CONTACTS && body.supported && is_explicit;
-            if held && body.velocity.length_squared() < resting_speed * resting_speed {
-                body.velocity = Vec3A::ZERO;
-                body.position = body.previous;
-            }
-        });
     }
 
     fn solve_positions(&mut self, rules: PairRules, substep: f32) {

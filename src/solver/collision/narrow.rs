@@ -141,7 +141,9 @@ impl Search<'_> {
         let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
         let sprung = upper.sprung || lower.sprung;
         let supports = lower.supported && normal.dot(*up) > MIN_SUPPORT_COSINE;
+        let carries = lower.carried && normal.dot(*up) > 0.0;
         bodies[first].supported |= supports;
+        bodies[first].carried |= carries;
         for body in [first, second] {
             bodies[body].holds += u32::from(resting);
             bodies[body].touching = bodies[body].touching.saturating_add(1);

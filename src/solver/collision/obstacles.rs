@@ -115,7 +115,7 @@ impl Obstacle {
             2 => shape.deepest_on_edge([corners[0], corners[1]], [radii[0], radii[1]], within),
             _ => shape.deepest_on_triangle(corners, radii, within),
         };
-        let found = find(local).or_else(|| find(before))?;
+        let found = find(local).or_else(|_| find(before)).ok()?;
         Some((self.clone(), found.weights))
     }
 
@@ -128,6 +128,11 @@ impl Obstacle {
             *side = shape.side(from.to_local(position));
         }
         seen
+    }
+
+    /// Whether it is a collider that has not been replaced by a plane.
+    pub fn is_solid(&self) -> bool {
+        matches!(self.form, Form::Solid { .. })
     }
 
     /// The slot of the pinned particle that it is, if it is one.

@@ -80,6 +80,14 @@ impl PairContact {
         self.normal * self.impulses.normal + Vec3A::from(self.impulses.friction)
     }
 
+    /// Whether it rests without slipping; what does not press neither holds nor pushes.
+    #[inline(always)]
+    fn sticks(&self, rules: PairRules) -> bool {
+        let limit = STICKING_SHARE * rules.friction * self.impulses.normal;
+        let presses = self.impulses.normal > 0.0;
+        self.resting && (!presses || self.impulses.friction.length_squared() < limit * limit)
+    }
+
     /// Gives both their impulse.
     #[inline(always)]
     fn apply(impulse: Vec3A, [first, second]: [&mut Body; 2]) {
@@ -197,6 +205,13 @@ const RESTING_CORRECTION: f32 = 0.5;
 /// The overlap that a resting pair in a pile may keep, as a part of its reach.
 const RESTING_OVERLAP: f32 = 0.001;
 
+/// The overlap that a pair may keep of which both stay where they are, as a part of its reach: each correction would set
+/// the next ones of the pile in motion, again and again.
+const HELD_OVERLAP: f32 = 0.004;
+
+/// A contact slips that bears this part of the friction that it can.
+const STICKING_SHARE: f32 = 0.999;
+
 /// Number of particles that one touches above which it is in a crowd: no more of its size fit around it without overlaps.
 /// Each would throw it out by all of its overlap.
 const MAX_TOUCHING: u8 = 12;
@@ -230,7 +245,8 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], rec
         let depth = reach - distance;
         let shared = contact.resting && first.holds + second.holds > 2;
         let (allowed, part) = if shared { (RESTING_OVERLAP * reach, RESTING_CORRECTION) } else { (0.0, 1.0) };
-        if depth <= allowed {
+        let kept = if contact.resting && first.held && second.held { HELD_OVERLAP * reach } else { allowed };
+        if depth <= kept {
             continue;
         }
         let mut depth = part * (depth - allowed);
@@ -275,16 +291,21 @@ fn keep_angular_momentum(contact: &PairContact, distance: f32, depth: f32, [firs
 /// substep as any force does: velocity · `reach`, s (see [`Integrator::displacement_share`]); this is taken back.
 /// And what still sinks onto something supported is stopped.
 ///
+/// Takes note of the bodies that slip, where that is asked for with the rules of their friction.
+///
 /// [`Integrator::displacement_share`]: crate::solver::Integrator::displacement_share
 pub(super) fn finish_velocities(
     contacts: &mut PairContacts,
     groups: &mut Groups,
     bodies: &mut [Body],
-    reach: f32,
+    (friction, reach): (Option<PairRules>, f32),
 ) {
     contacts.for_each_group(groups, bodies, |_, contacts, bodies| {
         for contact in contacts {
             let [upper, lower] = contact.both(bodies);
+            if friction.is_some_and(|rules| !contact.sticks(rules)) {
+                (upper.slips, lower.slips) = (true, true);
+            }
             if contact.resting {
                 let impulse = contact.impulse() * reach;
                 upper.position += impulse * upper.inverse_mass;

@@ -183,6 +183,14 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
     contact.impulse += change / body.inverse_mass;
 }
 
+/// Takes note whether the particle slips, at more than `tolerance` m/s, or is moved along.
+pub(super) fn note_slip(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], tolerance: f32) {
+    let body = &mut bodies[contact.body];
+    let slip = tangential(body.velocity - contact.surface_velocity, surface.normal);
+    let slips = contact.friction == 0.0 || slip.length_squared() > tolerance * tolerance;
+    body.slips |= (contact.impulse > 0.0 && slips) || contact.surface_velocity != Vec3A::ZERO;
+}
+
 /// Puts the particle back onto the surface; static friction, back to where it stuck.
 pub(super) fn solve_position(contact: &PlaneContact, surface: &Surface, bodies: &mut [Body], substep: f32) {
     let body = &mut bodies[contact.body];

@@ -21,6 +21,7 @@ impl ContactCaches {
         self.placed.begin_tick(colliders, settings.time_step);
         if !self.placed.is_empty() {
             self.features.refresh(mesh, elements, settings.collide_springs);
+            self.feature_search.begin_tick();
         }
     }
 
@@ -31,7 +32,7 @@ impl ContactCaches {
 
     /// Finds what touches them, and puts back what would have passed through one.
     pub(super) fn find_touches(&mut self, particles: &mut Particles, substep: Substep, senses: bool) {
-        let Self { placed, touches, features, previous, is_implicit, .. } = self;
+        let Self { placed, touches, features, feature_search, previous, is_implicit, .. } = self;
         if placed.is_empty() {
             touches.clear();
             return;
@@ -41,7 +42,8 @@ impl ContactCaches {
         placed.begin_substep(colliders, [before, elapsed], settings.time_step);
         touches.find(search(substep, placed, particles, (previous, is_implicit), senses));
         touches.put_back(particles);
-        features.find(search(substep, placed, particles, (previous, is_implicit), senses), &mut touches.all);
+        let search = search(substep, placed, particles, (previous, is_implicit), senses);
+        feature_search.find(features.all(), search, &mut touches.all);
     }
 }
 

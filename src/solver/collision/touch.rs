@@ -75,6 +75,16 @@ impl Touch {
         self.impulse += change * self.mass;
     }
 
+    /// Takes note whether the point slips, at more than `tolerance` m/s, or is moved along.
+    pub fn note_slip(&self, bodies: &mut [Body], tolerance: f32) {
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        let slip = tangential(relative, self.normal);
+        let slips = self.friction == 0.0 || slip.length_squared() > tolerance * tolerance;
+        if (self.impulse > 0.0 && slips) || self.surface_velocity != Vec3A::ZERO {
+            self.each(bodies, |body, _| body.slips = true);
+        }
+    }
+
     /// Puts the point back onto the surface; static friction, back to where it stuck.
     pub fn solve_position(&self, bodies: &mut [Body], substep: f32) {
         let place = self.sum(bodies, |body| body.position);

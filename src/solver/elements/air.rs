@@ -111,6 +111,13 @@ impl Exposed {
         self.version = Version::new();
     }
 
+    /// Calls `visit` with the slot of each end of a face or filament.
+    pub fn for_each_end(&self, mut visit: impl FnMut(usize)) {
+        let faces = self.faces.iter().flat_map(|(ends, _)| ends);
+        let filaments = self.filaments.iter().flat_map(|(ends, _)| ends);
+        faces.chain(filaments).for_each(|end| visit(*end as usize));
+    }
+
     /// Removes all that ends in a slot.
     pub fn remove_particle(&mut self, slot: usize) {
         if self.ends.get(slot).is_none_or(|count| *count == 0) {

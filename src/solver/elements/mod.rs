@@ -162,6 +162,28 @@ macro_rules! define_elements {
                 let _ = first;
             }
 
+            /// Calls `on_end` with the slot of each end of the dampers between particles, some of which are `wanted`, that
+            /// move at `velocity` in m/s, and the force there in N. Of what only pulls as if it were taut.
+            pub(super) fn for_each_damping(
+                &self,
+                position: &Vectors,
+                wanted: impl Fn(usize) -> bool,
+                velocity: impl Fn(usize) -> DVec3,
+                mut on_end: impl FnMut(usize, DVec3),
+            ) {
+                $($(#[$meta])* self.$kind.for_each_acting(|_, ends, element| {
+                    let damping = f64::from(Element::rates(element).damping);
+                    if damping == 0.0 || !ends.iter().any(|end| wanted(*end as usize)) {
+                        return;
+                    }
+                    let weights = Element::weights(element).map(f64::from);
+                    let along = combine(ends, element, position).normalize_or_zero();
+                    let rate: DVec3 = ends.iter().zip(weights).map(|(end, weight)| velocity(*end as usize) * weight).sum();
+                    let pull = along * (-damping * rate.dot(along));
+                    ends.iter().zip(weights).for_each(|(end, weight)| on_end(*end as usize, pull * weight));
+                });)*
+            }
+
             /// See [`Element::potential`].
             #[inline]
             pub(super) fn potential(&self, number: u32, start: DVec3, step: f64) -> Potential {

@@ -182,11 +182,18 @@ impl IslandSet {
 }
 
 /// Disjoint sets of particles: each points to another one of its set, the root to itself.
-pub(super) struct Forest(Vec<u32>);
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Forest(Vec<u32>);
 
 impl Forest {
     pub fn new(particles: usize) -> Self {
         Self((0..particles as u32).collect())
+    }
+
+    /// Each of `count` by itself.
+    pub fn reset(&mut self, count: usize) {
+        self.0.clear();
+        self.0.extend(0..count as u32);
     }
 
     pub fn root(&mut self, slot: usize) -> usize {

@@ -21,6 +21,7 @@ mod limits;
 mod neighbours;
 mod nets;
 mod order;
+mod parts;
 mod reduction;
 
 use crate::solver::elements::MAX_ENDS;
@@ -32,11 +33,12 @@ pub(super) use coupling::{Coupling, for_each_coupling};
 pub(super) use elimination::{BentNode, Elimination, Fill, NodeRun};
 pub(super) use exclusions::{Exclusions, are_of_one_family, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
-pub(super) use islands::{Island, IslandSet, Islands, has_loops};
+pub(super) use islands::{Forest, Island, IslandSet, Islands, has_loops};
 pub(super) use limits::{LimitGroup, Limits};
 pub(super) use neighbours::Neighbours;
 pub(crate) use nets::Nets;
 pub(super) use order::better_order;
+pub(super) use parts::Parts;
 
 /// An element and what is at its ends.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]

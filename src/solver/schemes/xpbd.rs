@@ -82,7 +82,7 @@ impl Xpbd {
         for mut all in self.pieces([particles.len()].into_iter()) {
             all.solve(colouring.between_blocks(), elements, (particles, field), h);
         }
-        let (position, velocity, inverse_mass, _) = particles.motion_mut();
+        let (position, velocity, inverse_mass) = particles.answers_mut();
         let written = blocks.split(position.axes_mut()).zip(blocks.split(velocity.axes_mut()));
         let parts = self.pieces(sizes()).zip(written.zip(blocks.split(acceleration.axes_mut())));
         parallel::for_each(parts, is_shared, |(piece, ((position, velocity), acceleration))| {

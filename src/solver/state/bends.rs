@@ -17,7 +17,7 @@ impl State {
         Elements: Holds<Bend<N>, N>,
     {
         self.contacts.request_search();
-        ends.into_iter().for_each(|end| self.pulls.forget(end));
+        ends.into_iter().for_each(|end| self.strain(end));
         self.elements.push(ends.map(|end| end as u32), bend)
     }
 
@@ -28,9 +28,10 @@ impl State {
     {
         let Some(old) = self.bends().element(index).copied().filter(|old| *old != bend) else { return };
         let acts = |bend: &Bend<N>| bend.stiffness > 0.0 || bend.damping > 0.0;
+        let (ends, _) = self.bends::<N>().with_ends(index);
+        ends.into_iter().for_each(|end| self.sleep.disturb(end));
         if !(acts(&old) && acts(&bend) && old.weights == bend.weights) {
             // Else its parameters, and with them the pulls, go on from where they are.
-            let (ends, _) = self.bends::<N>().with_ends(index);
             ends.into_iter().for_each(|end| self.pulls.forget(end));
         }
         self.elements.set(index, bend);

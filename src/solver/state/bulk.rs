@@ -90,6 +90,7 @@ impl State {
         if elements.ignores_itself {
             self.particles.set_family(first..self.particles.len(), true);
         }
+        (first..self.particles.len()).for_each(|slot| self.sleep.disturb(slot));
         self.contacts.request_search();
         self.may_coincide |= !elements.springs.is_empty();
         let springs = self.elements.extend(first as u32, elements.springs);
@@ -155,6 +156,7 @@ impl State {
         ranges.edges.clone().for_each(|number| self.mesh.remove_edge(number));
         ranges.triangles.clone().for_each(|number| self.mesh.remove_triangle(number));
         for slot in slots {
+            self.sleep.vanish(slot, &self.particles);
             self.particles.vacate(slot);
             self.mesh.forget_inner(slot);
             self.pulls.forget(slot);
@@ -184,10 +186,11 @@ impl State {
         is_absent: impl Fn(u32) -> bool + Copy,
         is_broken: impl Fn(usize) -> bool,
     ) -> bool {
-        let Self { elements, pulls, contacts, .. } = self;
+        let Self { elements, pulls, contacts, sleep, .. } = self;
         let mut any_changed = false;
         let mut on_change = |ends: &[u32], begins_or_ends: bool| {
             any_changed = true;
+            ends.iter().for_each(|end| sleep.disturb(*end as usize));
             if begins_or_ends {
                 ends.iter().for_each(|end| pulls.forget(*end as usize));
             }
@@ -238,6 +241,7 @@ impl State {
     fn set_family(&mut self, mut slots: impl Iterator<Item = usize> + Clone, is_one: bool) {
         let was_one = slots.clone().next().is_some_and(|slot| self.particles.has_family(slot));
         if was_one != is_one {
+            slots.clone().for_each(|slot| self.sleep.disturb(slot));
             self.particles.set_family(&mut slots, is_one);
             self.contacts.request_search();
         }

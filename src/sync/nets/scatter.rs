@@ -101,7 +101,7 @@ fn copy_motion(particles: &Particles, place: &NetPlace, view: View, net: &mut Pa
     let Arrays { positions, velocities, .. } = net.arrays_mut();
     let [x, y, z] = particles.position.axes();
     let [u, v, w] = particles.velocity.axes();
-    let inverse_masses = particles.inverse_mass();
+    let inverse_masses = particles.own_inverse_mass();
     let mut copy = |slot: usize, position: &mut Vec3, velocity: &mut Vec3| {
         let (at, speed) = (Vec3::new(x[slot], y[slot], z[slot]), Vec3::new(u[slot], v[slot], w[slot]));
         // Zero times a finite number is zero.

@@ -8,7 +8,7 @@ use bevy::math::{DVec3, Vec3};
 
 use super::tree::{Bounds, Tree};
 use super::triangle::{self, Feature};
-use super::{Crossing, Nearest};
+use super::{Crossing, Fingerprint, Nearest};
 use crate::solver::state::Version;
 
 /// Below this part of the coordinates a distance says nothing about its direction.
@@ -69,6 +69,8 @@ pub(in crate::solver) struct Mesh {
     pub kind: MeshKind,
     /// No other mesh has it.
     pub version: Version,
+    /// Of its triangles and what it is.
+    pub fingerprint: u64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -130,7 +132,11 @@ impl Mesh {
         tree.build(&all);
         let bounds = all.into_iter().fold(Bounds::EMPTY, Bounds::union);
         let normals = find_normals(&triangles, &corners, &edges, vertices.len());
-        Ok(Self { corners, normals, tree, bounds, kind, version: Version::new() })
+        let mut fingerprint = Fingerprint::default();
+        corners.iter().flatten().for_each(|corner| fingerprint.add_floats(corner.to_array()));
+        fingerprint.add(kind as u64);
+        let fingerprint = fingerprint.finish();
+        Ok(Self { corners, normals, tree, bounds, kind, version: Version::new(), fingerprint })
     }
 
     /// The nearest point of the surface; of a sheet that is met from the side of its normals (1) or from the other one

@@ -5,6 +5,7 @@
 //! step solves for is finer than f32, and only what is near is asked for at all. Big shapes are shared, not copied.
 
 mod feature;
+mod fingerprint;
 mod mesh;
 mod primitives;
 mod sweep;
@@ -18,6 +19,7 @@ use bevy::math::{DMat3, DQuat, DVec3, Quat, Vec3};
 use super::plane::Pose;
 use crate::solver::state::Version;
 pub(in crate::solver) use feature::Deepest;
+pub(in crate::solver) use fingerprint::Fingerprint;
 use mesh::Mesh;
 pub use mesh::{MeshError, MeshKind};
 pub(in crate::solver) use tree::{Bounds, MovingTree};

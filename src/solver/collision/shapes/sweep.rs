@@ -10,6 +10,9 @@ use super::{Crossing, Kind, Shape};
 /// Steps of an advancement, at most: a way that grazes a surface for longer than that ends there.
 const MAX_STEPS: usize = 48;
 
+/// How far an edge goes on that touches and leaves, as a part of its thickness and that of the shape.
+const MIN_ADVANCE: f64 = 0.1;
+
 /// Steps of a cast, at most: one that grazes a surface for longer than that misses it.
 const MAX_CAST_STEPS: usize = 512;
 
@@ -93,21 +96,24 @@ impl Shape {
         }
         let touch = TOUCH * (1.0 + from[0].abs().max_element() + to[0].abs().max_element());
         let mut time = 0.0;
-        for _ in 0..MAX_STEPS {
+        for step in 0..=MAX_STEPS {
             let ends = [0, 1].map(|end| from[end] + ways[end] * time);
             let (weights, nearest) = self.nearest_of_edge(ends);
             let gap = nearest.distance - radius;
-            if gap <= touch {
+            if gap <= touch || step == MAX_STEPS {
                 let [first, second, _] = weights;
                 let way = ways[0] * first + ways[1] * second;
-                let is_inner = first.min(second) > 1e-3;
-                let approaches = way.dot(nearest.normal) < -1e-12 * length;
-                let foot = ends[0] * first + ends[1] * second - nearest.normal * nearest.distance;
-                let crossing = Crossing { time, foot, normal: nearest.normal };
-                return (is_inner && approaches).then_some((crossing, weights));
+                if way.dot(nearest.normal) < -1e-12 * length {
+                    let is_inner = first.min(second) > 1e-3;
+                    let foot = ends[0] * first + ends[1] * second - nearest.normal * nearest.distance;
+                    let crossing = Crossing { time, foot, normal: nearest.normal };
+                    return is_inner.then_some((crossing, weights));
+                }
             }
-            time += gap / length;
-            if time > 1.0 {
+            // What leaves may come back, as an edge turns on its way.
+            time += gap.max(MIN_ADVANCE * (radius + self.half_thickness().min(length))) / length;
+            // Neither of NaN.
+            if time.is_nan() || time > 1.0 {
                 return None;
             }
         }

@@ -57,6 +57,11 @@ impl Bounds {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }
 
+    /// How far the two are apart, m; 0 where they overlap.
+    pub fn distance(&self, other: &Self) -> f32 {
+        (self.low - other.high).max(other.low - self.high).max(Vec3::ZERO).length()
+    }
+
     pub fn contains(&self, other: &Self) -> bool {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
@@ -196,6 +201,10 @@ impl Tree {
     }
 
     fn leaf(&self, child: u32) -> &[u32] {
+        // Infinite bounds overlap a place without a child, too.
+        if child == NONE {
+            return &[];
+        }
         let (first, count) = ((child & !LEAF) >> 3, child & 7);
         &self.items[first as usize..(first + count) as usize]
     }

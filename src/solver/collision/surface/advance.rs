@@ -133,7 +133,7 @@ impl Advance {
             let apart = ways.closest(0.0).apart;
             let distance = apart.length();
             // Also what moves together now may not, once one of its particles is stopped.
-            if !(distance > COINCIDENT * candidate.reach) {
+            if distance.is_nan() || distance <= COINCIDENT * candidate.reach {
                 continue;
             }
             let (direction, least) = (apart / distance, least.min(KEPT_PART * distance));

@@ -76,7 +76,7 @@ fn on_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
         return [0.0, 1.0 - t, t];
     }
     let sum = va + vb + vc;
-    if !(sum > 0.0) {
+    if sum.is_nan() || sum <= 0.0 {
         // A triangle without area that its edges have not caught.
         let t = on_edge(point, [a, b]);
         return [1.0 - t, t, 0.0];

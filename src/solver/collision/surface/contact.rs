@@ -142,13 +142,17 @@ impl Examination<'_> {
     pub fn meeting(&self, candidate: &Candidate, slop: f32) -> Option<Meeting> {
         let largest = candidate.largest_reach();
         // Neither of NaN.
-        if !(candidate.least_distance(self.moved) <= largest + slop) {
+        let least = candidate.least_distance(self.moved);
+        if least.is_nan() || least > largest + slop {
             return None;
         }
         let ways = candidate.ways(self.moving);
         let distance = ways.closest(0.0).apart.length();
         let way = ways.relative_way();
-        if !(distance - way <= largest + slop) || distance <= COINCIDENT * candidate.reach {
+        if (distance - way).is_nan()
+            || distance - way > largest + slop
+            || distance <= COINCIDENT * candidate.reach
+        {
             return None;
         }
         let time = if way < SLOW_WAY * distance {

@@ -94,7 +94,7 @@ impl Ways {
                 return 1.0;
             }
             let next = self.closest(time + step).apart.length();
-            if !(next > close) {
+            if next.is_nan() || next <= close {
                 return time + step * f32::from(u8::from(next > least));
             }
             time += step;

@@ -175,7 +175,8 @@ impl Search {
                 }
             }
             let own = &self.body_boxes[number];
-            if !self.has_partner[number] && !(own.contains(all.least, 0.0) && own.contains(all.most, 0.0)) {
+            let is_found = self.has_partner[number];
+            if !is_found && [all.least, all.most].iter().any(|end| !own.contains(*end, 0.0)) {
                 return false;
             }
         }

@@ -266,7 +266,7 @@ fn embed(items: &[Item], body_of: &[u32]) -> Vec<Vec3A> {
     let roots: Vec<u32> = (0..count as u32).filter(|slot| body_of[*slot as usize] == *slot).collect();
     let mut least = measure(&roots);
     let mut places = vec![Vec3A::ZERO; count];
-    for axis in 0..3 {
+    for axis in [0, 1, 2] {
         let steps = measure(&farthest(&least));
         if axis == 0 {
             least.clone_from(&steps);

@@ -57,9 +57,6 @@ const FRICTION_PASSES: usize = 2;
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
 
-/// The sine of the angle between two normals that are taken for different ones.
-const MIN_ANGLE: f64 = 1e-6;
-
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
 const REACH: f64 = 4.0;
@@ -246,36 +243,14 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// The contacts with what nothing in the step can move that held in the last linearisation.
-    fn held_by_obstacles(&self) -> impl Iterator<Item = &Contact> {
-        let held = self.contacts.iter().filter(|contact| contact.force > 0.0);
-        held.filter(|contact| contact.outer_part() != 0.0)
-    }
-
     /// Whether anything that nothing in the step can move held in the last linearisation.
     pub fn are_held_from_outside(&self) -> bool {
-        self.held_by_obstacles().next().is_some()
+        self.contacts.iter().any(|contact| contact.force > 0.0 && contact.outer_part() != 0.0)
     }
 
-    /// The force of all obstacles, N.
-    pub fn force(&self) -> DVec3 {
-        self.held_by_obstacles()
-            .map(|contact| (contact.normal * contact.force + contact.rubbing) * contact.outer_part())
-            .sum()
-    }
-
-    /// The part of a displacement that leads into no obstacle and away from none.
-    pub fn along_surfaces(&self, displacement: DVec3) -> DVec3 {
-        let mut basis = [DVec3::ZERO; 3];
-        let mut count = 0;
-        for contact in self.held_by_obstacles() {
-            let outside = perpendicular(contact.normal, &basis);
-            if count < 3 && outside.length_squared() > MIN_ANGLE * MIN_ANGLE {
-                basis[count] = outside.normalize();
-                count += 1;
-            }
-        }
-        perpendicular(displacement, &basis)
+    /// To be called when contacts were added to those of a solution.
+    pub fn restart(&mut self) {
+        (self.stiffness, self.passes) = (STIFFENING, 0);
     }
 
     /// Number of Newton steps of the next solution, at most.
@@ -389,11 +364,6 @@ impl Contacts {
             });
         }
     }
-}
-
-/// The part of a vector perpendicular to orthonormal ones, or zeros.
-fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
-    basis.iter().fold(vector, |rest, direction| rest - *direction * rest.dot(*direction))
 }
 
 /// The longest way of a node, m.

@@ -1,0 +1,281 @@
+//! Which edges and triangles of nets touch which colliders between their corners, at the end of a substep.
+//!
+//! Half-spaces need no search, as what is between spheres above a plane is above it. An edge is swept where it moves by more
+//! than half its thickness and half that of the collider.
+//!
+//! The pairs that may touch are listed when a tick begins, and again when the particles have moved by more than the margin of
+//! the list. Each has a *clearance*, by which it is apart for certain: the distance of two solids changes by no more than what
+//! the points of both move by (it is Lipschitz continuous of constant 1 in each). Only where that is used up the distance is
+//! computed anew.
+
+use bevy::math::{DVec3, Vec3, Vec3A};
+
+use super::features::{Feature, sum, weigh};
+use super::material::skin_of;
+use super::response::{Approach, Rebound};
+use super::shapes::{Bounds, Deepest, Nearest};
+use super::touch::Touch;
+use super::touch_search::{Search, rounding};
+use crate::solver::parallel;
+use crate::solver::particles::Vectors;
+
+/// Number of edges and triangles whose colliders are looked for together.
+const CHUNK: usize = 16;
+
+/// Number of chunks that one thread takes at a time.
+const CHUNKS_PER_PART: usize = 32;
+
+/// Number of edges and triangles from which on the parts are shared among threads.
+const MIN_SHARED: usize = 4096;
+
+/// The margin of a list: as many times the longest way in a substep, and this part of the largest radius.
+const MARGIN_IN_WAYS: f32 = 8.0;
+const MARGIN_IN_RADII: f32 = 0.5;
+
+/// The search: a cache within a tick.
+#[derive(Debug, Clone, Default)]
+pub(super) struct FeatureSearch {
+    parts: Vec<Part>,
+    /// What is left of the margin of the lists, m; < 0 without a list.
+    margin: f32,
+    /// Where the particles were at the last search, m; none before the first of the tick.
+    seen: Vectors,
+    /// At least how far each particle has moved since, m.
+    ways: Vec<f32>,
+    /// At least how far each collider has, m.
+    collider_ways: Vec<f32>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Part {
+    /// By feature, then by place.
+    pairs: Vec<Pair>,
+    touches: Vec<Touch>,
+    /// Working memory.
+    near: Vec<u32>,
+}
+
+/// A feature and a collider near it.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    /// The number of the feature in its part.
+    feature: u32,
+    /// The place of the collider.
+    place: u32,
+    /// By how much they are apart for certain, m; <= 0: nothing is known.
+    clearance: f32,
+}
+
+impl FeatureSearch {
+    /// To be called when a tick begins.
+    pub fn begin_tick(&mut self) {
+        self.margin = -1.0;
+        self.seen.resize(0);
+    }
+
+    /// Appends what touches between its corners to `touches`.
+    pub fn find(&mut self, features: &[Feature], search: Search, touches: &mut Vec<Touch>) {
+        if features.is_empty() {
+            return;
+        }
+        let longest = self.measure_ways(search);
+        self.margin -= longest;
+        // NaN is stale.
+        let is_stale = self.margin.is_nan() || self.margin < 0.0;
+        if is_stale {
+            let radius = search.particles.radius().iter().copied().fold(0.0, f32::max);
+            self.margin = MARGIN_IN_WAYS * longest + MARGIN_IN_RADII * radius;
+        }
+        let (margin, ways) = (self.margin, [&self.ways[..], &self.collider_ways[..]]);
+        let size = CHUNK * CHUNKS_PER_PART;
+        self.parts.resize_with(features.len().div_ceil(size), Part::default);
+        let parts = self.parts.iter_mut().zip(features.chunks(size));
+        parallel::for_each(parts, features.len() >= MIN_SHARED, |(part, features)| {
+            if is_stale {
+                part.list(search, features, margin);
+            }
+            part.find(search, features, ways);
+        });
+        self.parts.iter_mut().for_each(|part| touches.append(&mut part.touches));
+    }
+
+    /// Measures how far all have moved since the last search, by way of where they were when the substep began; the longest.
+    fn measure_ways(&mut self, search: Search) -> f32 {
+        let position = &search.particles.position;
+        if self.seen.len() != position.len() {
+            self.seen.copy_from(search.previous);
+        }
+        self.ways.clear();
+        self.ways.resize(position.len(), 0.0);
+        let squares = |from: [&[f32]; 3], to: [&[f32]; 3], way: &mut f32, slot: usize| {
+            let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
+            *way += (square(0) + square(1) + square(2)).sqrt();
+        };
+        let [seen, before, now] = [&self.seen, search.previous, position].map(Vectors::axes);
+        let mut longest = 0.0_f32;
+        for (slot, way) in self.ways.iter_mut().enumerate() {
+            squares(seen, before, way, slot);
+            squares(before, now, way, slot);
+            // What rounding may hide.
+            *way *= 1.0 + 8.0 * f32::EPSILON;
+            longest = longest.max(*way);
+        }
+        self.seen.copy_from(position);
+        self.collider_ways.clear();
+        let ways =
+            (0..search.placed.numbers.len()).map(|place| search.placed.longest_way(place, search.colliders));
+        self.collider_ways.extend(ways);
+        longest
+    }
+}
+
+impl Part {
+    /// Lists the pairs that are at most `margin` m apart, and some more.
+    fn list(&mut self, search: Search, features: &[Feature], margin: f32) {
+        self.pairs.clear();
+        let Search { colliders, placed, skins, is_implicit, .. } = search;
+        for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
+            let bounds =
+                chunk.iter().map(|feature| bounds_of(search, feature)).fold(Bounds::EMPTY, Bounds::union);
+            placed.near(&bounds.grown(margin), &mut self.near);
+            if self.near.is_empty() {
+                continue;
+            }
+            for (feature, number) in chunk.iter().zip(first..) {
+                if feature.corners.iter().any(|slot| is_implicit.get(*slot as usize) == Some(&true)) {
+                    continue;
+                }
+                let own = bounds_of(search, feature);
+                let layers = skin_of(skins, feature.corners[0] as usize).layers;
+                for place in self.near.iter().copied() {
+                    let collider = &colliders[placed.numbers[place as usize] as usize];
+                    let clearance = own.distance(&placed.bounds[place as usize]);
+                    if clearance <= margin && !collider.is_sensor && layers.meet(collider.layers) {
+                        self.pairs.push(Pair { feature: number, place, clearance });
+                    }
+                }
+            }
+        }
+    }
+
+    /// Looks at the pairs whose clearance is used up.
+    fn find(&mut self, search: Search, features: &[Feature], [ways, collider_ways]: [&[f32]; 2]) {
+        let Self { pairs, touches, .. } = self;
+        for pair in pairs {
+            let feature = &features[pair.feature as usize];
+            let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
+            pair.clearance -= a.max(b).max(c) + collider_ways[pair.place as usize];
+            if pair.clearance > 0.0 {
+                continue;
+            }
+            match search.look_at(feature, pair.place as usize) {
+                Ok(touch) => touches.extend(touch),
+                Err(clearance) => pair.clearance = clearance,
+            }
+        }
+    }
+}
+
+/// What bounds a feature and its way in the substep.
+fn bounds_of(search: Search, feature: &Feature) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    let mut radius = 0.0_f32;
+    for slot in feature.corners.map(|slot| slot as usize) {
+        bounds = bounds.with(search.particles.position.get(slot)).with(search.previous.get(slot));
+        radius = radius.max(search.particles.radius()[slot]);
+    }
+    let size = bounds.low.abs().max(bounds.high.abs()).max_element();
+    bounds.grown(radius + 16.0 * f32::EPSILON * size)
+}
+
+impl Search<'_> {
+    /// The contact of a feature with a collider, unless nothing in it can move; or a clearance.
+    fn look_at(&self, feature: &Feature, place: usize) -> Result<Option<Touch>, f32> {
+        let Search { colliders, placed, particles, .. } = *self;
+        let apart = bounds_of(*self, feature).distance(&placed.bounds[place]);
+        if apart > 0.0 {
+            return Err(apart);
+        }
+        let corners = feature.corners.map(|slot| slot as usize);
+        let positions = corners.map(|slot| particles.position.get(slot).as_dvec3());
+        let radii = corners.map(|slot| f64::from(particles.radius()[slot]));
+        let starts = corners.map(|slot| self.previous.get(slot).as_dvec3());
+        let moment = &placed.moments[place];
+        let to = moment.to;
+        let local = positions.map(|position| to.to_local(position));
+        let before = starts.map(|start| moment.from.to_local(start));
+        let shape = &colliders[placed.numbers[place] as usize].shape;
+        let within = rounding(positions[0], radii[0], to.point);
+        let swept = (feature.count == 2).then(|| {
+            let way = before[0].distance(local[0]).max(before[1].distance(local[1]));
+            let radius = 0.5 * radii[0].min(radii[1]);
+            let is_fast = way > radius.max(0.5 * shape.half_thickness());
+            is_fast
+                .then(|| shape.first_touch_of_edge([before[0], before[1]], [local[0], local[1]], radius))?
+        });
+        let found = match swept.flatten() {
+            Some((crossing, weights)) => {
+                let point = sum(local, weights);
+                let height = (point - crossing.foot).dot(crossing.normal);
+                let nearest = Nearest { distance: height, normal: crossing.normal };
+                Ok(Deepest { weights, gap: height - weigh(radii, weights), nearest })
+            }
+            None if feature.count == 2 => {
+                shape.deepest_on_edge([local[0], local[1]], [radii[0], radii[1]], within)
+            }
+            None => shape.deepest_on_triangle(local, radii, within),
+        };
+        let found = found.map_err(|least| (least - 2.0 * within) as f32 * (1.0 - f32::EPSILON))?;
+        let normal = to.direction(shape, found.nearest.normal);
+        Ok(self.touch_of(feature, found, place, normal))
+    }
+
+    /// The contact of a point of a feature; `None` if it cannot move.
+    fn touch_of(&self, feature: &Feature, found: Deepest, place: usize, normal: DVec3) -> Option<Touch> {
+        let Deepest { weights, gap, .. } = found;
+        let slots = feature.corners.map(|slot| slot as usize);
+        let inverse = slots.map(|slot| f64::from(self.particles.inverse_mass()[slot]));
+        let mobility: f64 = (0..feature.count).map(|end| weights[end] * weights[end] * inverse[end]).sum();
+        if mobility <= 0.0 {
+            return None;
+        }
+        let number = self.placed.numbers[place];
+        let collider = &self.colliders[number as usize];
+        let of = |vectors: &crate::solver::particles::Vectors| {
+            sum(slots.map(|slot| vectors.get(slot).as_dvec3()), weights)
+        };
+        let point = of(&self.particles.position);
+        let radius = weigh(slots.map(|slot| f64::from(self.particles.radius()[slot])), weights);
+        let foot = point - normal * (gap + radius);
+        let surface_velocity = self.placed.moments[place].velocity_at(collider, foot);
+        let [restitution, friction] = collider.material.between(skin_of(self.skins, slots[0]).material);
+        let rebound = Rebound { restitution, ..self.rebound };
+        let target_velocity = rebound.least_velocity_after(Approach {
+            velocity: (of(&self.particles.velocity) - surface_velocity).dot(normal) as f32,
+            acceleration: of(self.acceleration).dot(normal) as f32,
+            depth: (-gap).max(0.0) as f32,
+        });
+        let weights = weights.map(|weight| weight as f32);
+        // As the solution adds them up, in f32.
+        let place =
+            slots.iter().zip(weights).map(|(slot, weight)| self.particles.position.get(*slot) * weight);
+        let place: Vec3 = place.take(feature.count).sum();
+        Some(Touch {
+            slots: feature.corners,
+            bodies: [0; 3],
+            count: feature.count,
+            weights,
+            shares: [0, 1, 2].map(|end| (f64::from(weights[end]) * inverse[end] / mobility) as f32),
+            collider: number,
+            normal: Vec3A::from(normal.as_vec3()),
+            place: Vec3A::from(place),
+            depth: -gap as f32,
+            radius: radius as f32,
+            surface_velocity: Vec3A::from(surface_velocity.as_vec3()),
+            target_velocity,
+            friction,
+            mass: (1.0 / mobility) as f32,
+            impulse: 0.0,
+        })
+    }
+}

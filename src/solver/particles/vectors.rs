@@ -1,0 +1,140 @@
+//! One vector a particle, as three arrays.
+
+use bevy::math::Vec3;
+
+/// Coordinates and velocities below this are cleared, m or m/s: their squares would be subnormal numbers.
+const NEGLIGIBLE: f32 = 1e-18;
+
+/// One vector a particle, stored as three arrays.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub struct Vectors {
+    /// The x components.
+    pub x: Vec<f32>,
+    /// The y components.
+    pub y: Vec<f32>,
+    /// The z components.
+    pub z: Vec<f32>,
+}
+
+impl Vectors {
+    /// The number of vectors.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// The vector in slot `index`.
+    #[inline]
+    pub fn get(&self, index: usize) -> Vec3 {
+        Vec3::new(self.x[index], self.y[index], self.z[index])
+    }
+
+    /// Replaces the vector in slot `index`.
+    #[inline]
+    pub fn set(&mut self, index: usize, value: Vec3) {
+        self.x[index] = value.x;
+        self.y[index] = value.y;
+        self.z[index] = value.z;
+    }
+
+    /// Adds `value` to the vector in slot `index`.
+    #[cfg(test)]
+    pub fn add(&mut self, index: usize, value: Vec3) {
+        self.x[index] += value.x;
+        self.y[index] += value.y;
+        self.z[index] += value.z;
+    }
+
+    /// Appends a vector.
+    pub fn push(&mut self, value: Vec3) {
+        self.x.push(value.x);
+        self.y.push(value.y);
+        self.z.push(value.z);
+    }
+
+    /// Makes it `count` vectors; new ones are zero.
+    pub fn resize(&mut self, count: usize) {
+        for axis in self.axes_vec() {
+            axis.resize(count, 0.0);
+        }
+    }
+
+    /// Makes all vectors `value`.
+    pub fn fill(&mut self, value: Vec3) {
+        for (axis, value) in self.axes_mut().into_iter().zip(value.to_array()) {
+            axis.fill(value);
+        }
+    }
+
+    /// Clears negligible components: what decays would end as subnormal numbers, for which processors take ten
+    /// times as long.
+    pub(in crate::solver) fn clear_negligible(&mut self) {
+        for axis in self.axes_mut() {
+            for value in axis {
+                *value = if value.abs() < NEGLIGIBLE { 0.0 } else { *value };
+            }
+        }
+    }
+
+    /// Becomes a copy of `other`, without allocating if it is large enough already.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.x.clone_from(&other.x);
+        self.y.clone_from(&other.y);
+        self.z.clone_from(&other.z);
+    }
+
+    /// The three arrays, to be treated alike.
+    #[inline]
+    pub fn axes(&self) -> [&[f32]; 3] {
+        [&self.x, &self.y, &self.z]
+    }
+
+    /// The three arrays, to be treated alike.
+    #[inline]
+    pub fn axes_mut(&mut self) -> [&mut [f32]; 3] {
+        [&mut self.x, &mut self.y, &mut self.z]
+    }
+
+    /// The three arrays in chunks of `size` vectors, the last one shorter.
+    pub(in crate::solver) fn chunks_mut(&mut self, size: usize) -> impl Iterator<Item = [&mut [f32]; 3]> {
+        let [x, y, z] = self.axes_mut().map(|axis| axis.chunks_mut(size));
+        x.zip(y).zip(z).map(|((x, y), z)| [x, y, z])
+    }
+
+    fn axes_vec(&mut self) -> [&mut Vec<f32>; 3] {
+        [&mut self.x, &mut self.y, &mut self.z]
+    }
+}
+
+/// Splits off the first `count` vectors of a slice of [`Vectors`].
+pub(crate) fn split_off<'a>(slice: &mut [&'a mut [f32]; 3], count: usize) -> [&'a mut [f32]; 3] {
+    slice.each_mut().map(|axis| axis.split_off_mut(..count).expect("the slice has `count` vectors"))
+}
+
+/// Replaces vector `index` of a slice of [`Vectors`].
+#[inline]
+pub(crate) fn set(slice: &mut [&mut [f32]; 3], index: usize, value: Vec3) {
+    for (axis, value) in slice.iter_mut().zip(value.to_array()) {
+        axis[index] = value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn negligible_components_are_cleared_and_nothing_else() {
+        let mut vectors = Vectors::default();
+        let kept = [Vec3::new(1e-17, -1e-17, 0.0), Vec3::new(f32::INFINITY, -3.0, f32::MAX)];
+        let negligible = Vec3::new(1e-19, -1e-40, f32::MIN_POSITIVE);
+        for vector in [kept[0], negligible, kept[1]] {
+            vectors.push(vector);
+        }
+        vectors.clear_negligible();
+        assert_eq!([0, 1, 2].map(|slot| vectors.get(slot)), [kept[0], Vec3::ZERO, kept[1]]);
+        vectors.set(0, Vec3::NAN);
+        vectors.clear_negligible();
+        assert!(vectors.get(0).is_nan(), "faults stay to be found");
+    }
+}
