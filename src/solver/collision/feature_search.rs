@@ -32,6 +32,11 @@ const MIN_SHARED: usize = 4096;
 const MARGIN_IN_WAYS: f32 = 8.0;
 const MARGIN_IN_RADII: f32 = 0.5;
 
+/// What touched nothing between its corners when it was looked at may come this deep before it is looked at again, as a part
+/// of its radius, and m: what lies flat on something costs nothing more than its corners.
+const UNSEEN_IN_RADII: f64 = 0.005;
+const UNSEEN: f64 = 2e-5;
+
 /// The search: a cache within a tick.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FeatureSearch {
@@ -225,7 +230,10 @@ impl Search<'_> {
             }
             None => shape.deepest_on_triangle(local, radii, within),
         };
-        let found = found.map_err(|least| (least - 2.0 * within) as f32 * (1.0 - f32::EPSILON))?;
+        let found = found.map_err(|least| {
+            let unseen = UNSEEN_IN_RADII * weigh(radii, [1.0 / 3.0; 3]) + UNSEEN;
+            (least - 2.0 * within).max(unseen) as f32 * (1.0 - f32::EPSILON)
+        })?;
         let normal = to.direction(shape, found.nearest.normal);
         Ok(self.touch_of(feature, found, place, normal))
     }

@@ -53,6 +53,9 @@ const FRICTION_PASSES: usize = 2;
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
 
+/// The sine of the angle between two normals that are taken for different ones.
+const MIN_ANGLE: f64 = 1e-6;
+
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
 const REACH: f64 = 4.0;
@@ -237,10 +240,29 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// Whether an obstacle held anything in the last linearisation.
-    pub fn is_held_by_obstacle(&self) -> bool {
-        let is_obstacle = |contact: &Contact| matches!(contact.partner, Partner::Obstacle(_));
-        self.contacts.iter().any(|contact| contact.force > 0.0 && is_obstacle(contact))
+    /// The contacts with obstacles that held in the last linearisation.
+    fn held_by_obstacles(&self) -> impl Iterator<Item = &Contact> {
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0);
+        held.filter(|contact| matches!(contact.partner, Partner::Obstacle(_)))
+    }
+
+    /// The force of all obstacles, N.
+    pub fn force(&self) -> DVec3 {
+        self.held_by_obstacles().map(|contact| contact.normal * contact.force + contact.rubbing).sum()
+    }
+
+    /// The part of a displacement that leads into no obstacle and away from none.
+    pub fn along_surfaces(&self, displacement: DVec3) -> DVec3 {
+        let mut basis = [DVec3::ZERO; 3];
+        let mut count = 0;
+        for contact in self.held_by_obstacles() {
+            let outside = perpendicular(contact.normal, &basis);
+            if count < 3 && outside.length_squared() > MIN_ANGLE * MIN_ANGLE {
+                basis[count] = outside.normalize();
+                count += 1;
+            }
+        }
+        perpendicular(displacement, &basis)
     }
 
     /// To be called when contacts were added to those of a solution.
@@ -346,6 +368,11 @@ impl Contacts {
             });
         }
     }
+}
+
+/// The part of a vector perpendicular to orthonormal ones, or zeros.
+fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
+    basis.iter().fold(vector, |rest, direction| rest - *direction * rest.dot(*direction))
 }
 
 /// The longest way of a node, m.

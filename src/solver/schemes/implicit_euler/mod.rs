@@ -84,6 +84,9 @@ struct Island {
 /// Number of solutions of a step, at most, that follow because one leads through a collider.
 const MAX_MISSES: usize = 6;
 
+/// The longest correction of what touches something, as a part of the longest way of a particle in free flight.
+const MAX_DRIFT: f64 = 0.02;
+
 /// What the islands have in common in a step.
 #[derive(Clone, Copy)]
 struct Step<'a> {
@@ -330,24 +333,25 @@ impl Island {
         true
     }
 
-    /// Moves an island that nothing holds as a whole, to where it has the momentum that it must have:
-    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements and contacts within it add none. It would be so by itself, had the equations of
-    /// the core been solved to the last bit. What an obstacle holds may have any: the force of a stiff contact is not known as
-    /// well as that.
+    /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
+    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements add none. It would be so by itself, had the equations of the core
+    /// been solved to the last bit. The force of a stiff contact is known less well than that where Newton's method has not come
+    /// close: with contacts the island is moved by no more than [`MAX_DRIFT`].
     fn balance(&mut self) {
         let Self { elimination, system, .. } = self;
-        if elimination.trees == elimination.free
-            || elimination.is_anchored()
-            || system.contacts.is_held_by_obstacle()
-        {
+        if elimination.trees == elimination.free || elimination.is_anchored() {
             return;
         }
-        let (mut drift, mut inertia) = (DVec3::ZERO, 0.0);
+        let (mut drift, mut inertia, mut longest) = (-system.contacts.force(), 0.0, 0.0_f64);
         for node in 0..elimination.free {
             drift += system.inertia[node] * (system.position[node] - system.flight[node]);
             inertia += system.inertia[node];
+            longest = longest.max(system.flight[node].distance(system.start[node]));
         }
-        drift /= inertia;
+        let mut drift = system.contacts.along_surfaces(drift / inertia);
+        if system.contacts.hold() {
+            drift = drift.clamp_length_max(MAX_DRIFT * longest);
+        }
         for position in &mut system.position[..elimination.free] {
             *position -= drift;
         }
