@@ -265,11 +265,6 @@ impl Contacts {
         perpendicular(displacement, &basis)
     }
 
-    /// To be called when contacts were added to those of a solution.
-    pub fn restart(&mut self) {
-        (self.stiffness, self.passes) = (STIFFENING, 0);
-    }
-
     /// Number of Newton steps of the next solution, at most.
     pub fn max_steps(&self) -> usize {
         let is_last = !self.any() || self.passes + 1 == MAX_PASSES;

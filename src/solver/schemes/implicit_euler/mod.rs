@@ -44,7 +44,7 @@ use crate::solver::settings::Field;
 use crate::solver::state::Version;
 use clusters::Clusters;
 use contacts::{Motion, PairFilter};
-use features::{IslandFeatures, put_back};
+use features::IslandFeatures;
 use newton::{MAX_STEPS, Newton};
 use system::System;
 use tr_bdf2::{Context, Stages};
@@ -80,9 +80,6 @@ struct Island {
     /// What of it collides between its particles.
     features: IslandFeatures,
 }
-
-/// Number of solutions of a step, at most, that follow because one leads through a collider.
-const MAX_MISSES: usize = 6;
 
 /// The longest correction of what touches something, as a part of the longest way of a particle in free flight.
 const MAX_DRIFT: f64 = 0.02;
@@ -245,20 +242,6 @@ impl Island {
                 _ => break,
             }
         }
-        if !obstacles.any_thin() {
-            return;
-        }
-        for _ in 0..MAX_MISSES {
-            let System { start, flight, position, inertia, contacts, .. } = &mut *system;
-            let motion = Motion { elimination, particles, start, flight, inertia, h };
-            if !contacts.add_missed(&motion, position, features, (obstacles, surroundings)) {
-                return;
-            }
-            system.minimise(newton, elimination);
-        }
-        let System { start, flight, position, inertia, .. } = &mut *system;
-        let motion = Motion { elimination, particles, start, flight, inertia, h };
-        put_back(&motion, position, features, (obstacles, surroundings));
     }
 
     /// Backward Euler; what holds the particles is a part of the step.
