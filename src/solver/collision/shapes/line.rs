@@ -15,11 +15,14 @@ pub(super) const ACCURACY: f64 = 1e-8;
 /// An edge and a convex shape.
 pub(super) struct Line<'a> {
     pub shape: &'a Shape,
+    /// m.
     pub ends: [DVec3; 2],
+    /// At its ends, m.
     pub radii: [f64; 2],
 }
 
 impl Line<'_> {
+    /// The point at this part of the way from the first end to the last.
     pub fn at(&self, part: f64) -> Deepest {
         let Self { shape, ends: [from, to], radii } = self;
         let nearest = shape.nearest(from.lerp(*to, part), 0.0);

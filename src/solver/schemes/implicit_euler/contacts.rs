@@ -371,6 +371,6 @@ fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
 }
 
 /// The longest way of a node, m.
-fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
+pub(super) fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
     nodes.map(|node| end[node].distance_squared(start[node])).fold(0.0, f64::max).sqrt()
 }

@@ -43,7 +43,7 @@ use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
 use clusters::Clusters;
-use contacts::{Motion, PairFilter};
+use contacts::{Motion, PairFilter, longest_way};
 use features::IslandFeatures;
 use newton::{MAX_STEPS, Newton};
 use system::System;
@@ -235,7 +235,13 @@ impl Island {
             if obstacles.any_thin() {
                 contacts.add_features(&motion, features, (obstacles, surroundings));
             }
-            system.minimise(newton, elimination);
+            loop {
+                let max_steps = system.contacts.max_steps();
+                let is_solved = newton.minimise(system, elimination, max_steps);
+                if !system.contacts.refine(&system.position, is_solved) {
+                    break;
+                }
+            }
             let System { start, position, contacts, .. } = &*system;
             match contacts.missing_reach(elimination.free, start, position) {
                 Some(missing) if reach == 0.0 && !obstacles.is_empty() => reach = 2.0 * missing,
@@ -325,14 +331,14 @@ impl Island {
         if elimination.trees == elimination.free || elimination.is_anchored() {
             return;
         }
-        let (mut drift, mut inertia, mut longest) = (-system.contacts.force(), 0.0, 0.0_f64);
+        let (mut drift, mut inertia) = (-system.contacts.force(), 0.0);
         for node in 0..elimination.free {
             drift += system.inertia[node] * (system.position[node] - system.flight[node]);
             inertia += system.inertia[node];
-            longest = longest.max(system.flight[node].distance(system.start[node]));
         }
         let mut drift = system.contacts.along_surfaces(drift / inertia);
         if system.contacts.hold() {
+            let longest = longest_way(0..elimination.free, &system.start, &system.flight);
             drift = drift.clamp_length_max(MAX_DRIFT * longest);
         }
         for position in &mut system.position[..elimination.free] {
@@ -352,19 +358,6 @@ impl Island {
         }
         if !rebounds {
             self.rest(particles);
-        }
-    }
-}
-
-impl System {
-    /// Finds the minimum with the contacts that it has.
-    fn minimise(&mut self, newton: &mut Newton, elimination: &Elimination) {
-        loop {
-            let max_steps = self.contacts.max_steps();
-            let is_solved = newton.minimise(self, elimination, max_steps);
-            if !self.contacts.refine(&self.position, is_solved) {
-                return;
-            }
         }
     }
 }
