@@ -1,5 +1,5 @@
-//! Mass-spring physics for [Bevy](https://bevyengine.org): ropes, chains, cloth and jelly whose
-//! parameters are physical quantities (stiffness in N/m, damping in N·s/m, masses in kg).
+//! Mass-spring physics for [Bevy](https://bevyengine.org): ropes, chains, cloth and jelly with
+//! physical quantities as parameters (stiffness in N/m, damping in N·s/m, masses in kg).
 //!
 //! Add [`MassSpringPlugin`], spawn entities with [`Particle`], join them with [`Spring`]s:
 //!

@@ -32,7 +32,7 @@ pub struct SolverSettings {
 /// what creeps sleeps. Asleep they do not move by a bit and have no velocity.
 ///
 /// What wakes them: what is awake and comes near, another [`AppliedForce`](crate::AppliedForce), velocity or `Transform`,
-/// motion of what holds them, edits, changed settings, colliders that move or change. Who sleeps is in
+/// motion of what holds them, edits, changed settings, colliders that move or change. The sleeping ones are in
 /// [`SleepingParticles`](crate::report::SleepingParticles), in apps that insert it.
 ///
 /// Where it is enabled, loose particles in a pile that no contact lets slip stay where they are, as do those that

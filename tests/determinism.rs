@@ -309,8 +309,8 @@ fn dense_pile() -> u64 {
     hasher.finish()
 }
 
-/// Balls, so many that all threads search and solve for them, fall asleep in a box and are woken by one that is thrown: who
-/// sleeps and the state every tenth tick, and at the end.
+/// Balls, so many that all threads search and solve for them, fall asleep in a box and are woken by one that is thrown: which of them
+/// sleep, and the state, every tenth tick and at the end.
 fn sleeping_pile() -> Vec<u64> {
     let mut solver = common::sleep::pile(17);
     let settings = common::sleep::settings(Integrator::Auto);

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use bevy::gltf::GltfPlugin;
 use bevy::log::LogPlugin;
@@ -13,6 +14,9 @@ use bevy_mass_spring::prelude::*;
 use clap::{CommandFactory, FromArgMatches, Parser};
 
 use crate::{capture, display, gallery, stage};
+
+/// The longest time that a frame simulates.
+const MAX_FRAME: Duration = Duration::from_millis(34);
 
 #[derive(Parser, Debug)]
 struct Arguments {
@@ -63,6 +67,8 @@ fn open(name: &str, arguments: Arguments, exhibits: fn(&mut App)) -> AppExit {
     app.add_plugins(default_plugins)
         .add_plugins(MassSpringPlugins::default())
         .add_plugins((stage::plugin, gallery::plugin, exhibits))
+        // A machine that is too slow for an exhibit shows it in slow motion.
+        .insert_resource(Time::<Virtual>::from_max_delta(MAX_FRAME))
         .insert_resource(gallery::Shown::first(arguments.exhibit.saturating_sub(1)))
         .insert_resource(stage::Turn(arguments.turn.to_radians()));
     if let Some(file) = arguments.screenshot {

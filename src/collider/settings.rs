@@ -7,7 +7,7 @@ use crate::parameter::{self, InvalidParameter};
 /// Which collisions act, and how particles rebound from each other.
 ///
 /// Two particles do not collide with each other
-/// - if a `Spring` joins them whose rest length is shorter than their two radii
+/// - if a `Spring` joins them with a rest length shorter than their two radii
 ///   together: they overlap at rest, where contact and spring would oppose each other;
 /// - if both hang on springs and they overlap when they are first in contact, until they have
 ///   separated: pushing them apart would stretch the springs and add energy.

@@ -43,7 +43,7 @@ pub enum ColliderShape {
         /// m, > 0.
         half_height: f32,
     },
-    /// A cone along y, whose tip is at half its height above the centre.
+    /// A cone along y with its tip at half its height above the centre.
     Cone {
         /// Of its base, m, > 0.
         radius: f32,
@@ -74,7 +74,7 @@ pub enum ColliderShape {
         #[cfg_attr(feature = "serialize", serde(default, skip_serializing_if = "is_false"))]
         one_sided: bool,
     },
-    /// Ground: all below a surface whose heights are given at the corners of a grid.
+    /// Ground: all below a surface with heights given at the corners of a grid.
     HeightField {
         /// Along x and z, m, > 0. It is centred.
         size: Vec2,

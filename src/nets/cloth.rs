@@ -93,7 +93,7 @@ impl From<Rectangle> for Cloth {
     }
 }
 
-/// A sheet about the origin whose front is where the normal points; its height points to −Z where the normal is Y.
+/// A sheet about the origin with its front where the normal points; its height points to −Z where the normal is Y.
 impl From<Plane3d> for Cloth {
     fn from(plane: Plane3d) -> Self {
         let turn = Quat::from_rotation_arc(Vec3::Y, *plane.normal);

@@ -1,4 +1,4 @@
-//! Sleep in an app: who sleeps is told, what a game does wakes it, snapshots keep it.
+//! Sleep in an app: which particles sleep is told, what a game does wakes it, snapshots keep it.
 
 use std::sync::Arc;
 
@@ -111,7 +111,7 @@ fn who_sleeps_is_told() {
     assert_eq!(scene.sleeping().all.len(), ALL - 1);
 }
 
-/// Does something, runs a tick, and compares who is awake.
+/// Does something, runs a tick, and compares which particles are awake.
 #[track_caller]
 fn assert_wakes(awake: fn(&Scene) -> Vec<Entity>, act: impl FnOnce(&mut Scene)) {
     let mut scene = scene();

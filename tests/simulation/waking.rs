@@ -42,7 +42,7 @@ fn asleep() -> Asleep {
     Asleep { solver, settings }
 }
 
-/// Does something, runs two ticks, and compares who is awake.
+/// Does something, runs two ticks, and compares which particles are awake.
 fn assert_wakes(what: &str, slots: &[usize], act: impl FnOnce(&mut Solver, &mut StepSettings)) {
     let Asleep { mut solver, mut settings } = asleep();
     act(&mut solver, &mut settings);
@@ -153,7 +153,7 @@ const LYING: Quat =
 const TABLE: usize = 0;
 const ROD: usize = 1;
 
-/// Changes colliders or skins, runs a tick, and compares who is awake.
+/// Changes colliders or skins, runs a tick, and compares which particles are awake.
 #[track_caller]
 fn assert_change_wakes(slots: &[usize], change: impl FnOnce(&mut Vec<Collider>, &mut Vec<Skin>)) {
     let Asleep { mut solver, settings } = asleep_on_colliders();

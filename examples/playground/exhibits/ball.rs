@@ -11,7 +11,7 @@ use crate::stage::{Stage, View};
 const EXHIBIT: Exhibit = Exhibit {
     name: "Turning ball",
     caption: "A cloth falls onto a ball on the floor; then the ball turns, and friction winds the cloth round it, fold on \
-              fold, none through another (after Bridson, Fedkiw and Anderson 2002).",
+              fold (after Bridson, Fedkiw and Anderson 2002).",
     view: View { focus: Vec3::new(0.0, 0.6, 0.0), distance: 4.6, yaw: 0.4, pitch: 0.35 },
 };
 
@@ -46,9 +46,14 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut turnin
     let place = Transform::from_xyz(0.0, RADIUS + 0.05, 0.0);
     stage.spawn((Ball, ball, ColliderMotion::default(), look, paint, place));
     let cloth = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(0.95)))
-        .with_cells(UVec2::splat(60))
+        .with_cells(UVec2::splat(40))
         .with_radius(0.012)
-        .with_material(ClothMaterial { stretch_stiffness: 1e3, ..ClothMaterial::SILK });
+        .with_material(ClothMaterial {
+            area_density: 0.15,
+            stretch_stiffness: 400.0,
+            retardation_time: 3e-4,
+            ..ClothMaterial::SILK
+        });
     let paint = stage.cloth(Color::srgb(0.18, 0.36, 0.62));
     stage.spawn((cloth, NetMesh, paint, Transform::from_xyz(0.0, 2.0 * RADIUS + 0.15, 0.0)));
 }

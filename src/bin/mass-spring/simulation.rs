@@ -48,7 +48,7 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Spawns `scene` in an app whose compute pool has `threads` threads; all cores if `None`.
+    /// Spawns `scene` in an app with a compute pool of `threads` threads; of all cores if `None`.
     pub fn new(scene: &MassSpringScene, threads: Option<usize>) -> Self {
         let threads = threads.unwrap_or_else(available_parallelism);
         let compute =

@@ -32,6 +32,11 @@ const MIN_SHARED: usize = 4096;
 const MARGIN_IN_WAYS: f32 = 8.0;
 const MARGIN_IN_RADII: f32 = 0.5;
 
+/// What touched nothing between its corners when it was looked at may come this deep before it is looked at again, as a part
+/// of its radius, and m: what lies flat on something costs nothing more than its corners.
+const UNSEEN_IN_RADII: f64 = 0.005;
+const UNSEEN: f64 = 2e-5;
+
 /// The search: a cache within a tick.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FeatureSearch {
@@ -40,9 +45,9 @@ pub(super) struct FeatureSearch {
     margin: f32,
     /// Where the particles were at the last search, m; none before the first of the tick.
     seen: Vectors,
-    /// At least how far each particle has moved since, m.
+    /// The length of the way of each particle since, m, rounded up.
     ways: Vec<f32>,
-    /// At least how far each collider has, m.
+    /// The longest way of a point of each collider, m, rounded up.
     collider_ways: Vec<f32>,
 }
 
@@ -107,15 +112,15 @@ impl FeatureSearch {
         }
         self.ways.clear();
         self.ways.resize(position.len(), 0.0);
-        let squares = |from: [&[f32]; 3], to: [&[f32]; 3], way: &mut f32, slot: usize| {
+        let add_way = |from: [&[f32]; 3], to: [&[f32]; 3], way: &mut f32, slot: usize| {
             let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
             *way += (square(0) + square(1) + square(2)).sqrt();
         };
         let [seen, before, now] = [&self.seen, search.previous, position].map(Vectors::axes);
         let mut longest = 0.0_f32;
         for (slot, way) in self.ways.iter_mut().enumerate() {
-            squares(seen, before, way, slot);
-            squares(before, now, way, slot);
+            add_way(seen, before, way, slot);
+            add_way(before, now, way, slot);
             // What rounding may hide.
             *way *= 1.0 + 8.0 * f32::EPSILON;
             longest = longest.max(*way);
@@ -225,7 +230,10 @@ impl Search<'_> {
             }
             None => shape.deepest_on_triangle(local, radii, within),
         };
-        let found = found.map_err(|least| (least - 2.0 * within) as f32 * (1.0 - f32::EPSILON))?;
+        let found = found.map_err(|least| {
+            let unseen = UNSEEN_IN_RADII * weigh(radii, [1.0 / 3.0; 3]) + UNSEEN;
+            (least - 2.0 * within).max(unseen) as f32 * (1.0 - f32::EPSILON)
+        })?;
         let normal = to.direction(shape, found.nearest.normal);
         Ok(self.touch_of(feature, found, place, normal))
     }
@@ -241,9 +249,7 @@ impl Search<'_> {
         }
         let number = self.placed.numbers[place];
         let collider = &self.colliders[number as usize];
-        let of = |vectors: &crate::solver::particles::Vectors| {
-            sum(slots.map(|slot| vectors.get(slot).as_dvec3()), weights)
-        };
+        let of = |vectors: &Vectors| sum(slots.map(|slot| vectors.get(slot).as_dvec3()), weights);
         let point = of(&self.particles.position);
         let radius = weigh(slots.map(|slot| f64::from(self.particles.radius()[slot])), weights);
         let foot = point - normal * (gap + radius);

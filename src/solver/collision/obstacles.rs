@@ -130,11 +130,6 @@ impl Obstacle {
         seen
     }
 
-    /// Whether it is a collider that has not been replaced by a plane.
-    pub fn is_solid(&self) -> bool {
-        matches!(self.form, Form::Solid { .. })
-    }
-
     /// The slot of the pinned particle that it is, if it is one.
     pub fn pinned_slot(&self) -> Option<usize> {
         match self.partner {

@@ -1,6 +1,6 @@
 //! The parts: movable particles, asleep or awake, that elements or a gas join; a loose particle is one of its own.
 //!
-//! Other than an island, a part does not depend on who sleeps. Pinned particles join nothing, but hold parts.
+//! Other than an island, a part does not depend on which particles sleep. Pinned particles join nothing, but hold parts.
 
 use std::ops::Range;
 

@@ -7,7 +7,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
 
-/// Who sleeps, how long the others have rested, and what the sleepers slept with: a part of the state of a simulation.
+/// Which particles sleep, how long the others have rested, and what the sleepers slept with: a part of the state of a simulation.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(in crate::solver) struct SleepMemory {
@@ -20,7 +20,7 @@ pub(in crate::solver) struct SleepMemory {
     pub(super) force: Vectors,
     /// For how long each part has rested, s: at the slot by which it is known.
     pub(super) rested: Vec<f32>,
-    /// Time since it was last asked who may fall asleep, s.
+    /// Time since it was last asked which particles may fall asleep, s.
     pub(super) since_check: f32,
     /// Number of sleepers.
     pub(super) asleep: usize,

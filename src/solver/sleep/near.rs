@@ -11,7 +11,7 @@ use super::memory::SleepMemory;
 /// Number of cells a sphere, at most; so memory stays linear in their number.
 const CELLS_PER_SPHERE: f32 = 4.0;
 
-/// Where the sleepers are: a cache of who sleeps.
+/// Where the sleepers are: a cache.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SleepingSpheres {
     /// The slots of the spheres that reach into each cell.

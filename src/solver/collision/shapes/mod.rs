@@ -6,6 +6,7 @@
 
 mod feature;
 mod fingerprint;
+mod line;
 mod mesh;
 mod primitives;
 mod sweep;

@@ -141,26 +141,6 @@ impl Contact {
         }
     }
 
-    /// Whether it is one with a collider that pushes out to the nearest point of its surface.
-    pub fn is_with_solid(&self) -> bool {
-        matches!(&self.partner, Partner::Obstacle(obstacle) if obstacle.is_solid())
-    }
-
-    /// Whether it is one of the same particles with the same obstacle.
-    pub fn is_at(&self, other: &Self) -> bool {
-        let partner = |contact: &Self| match &contact.partner {
-            Partner::Obstacle(obstacle) => Some(obstacle.partner),
-            Partner::Node { .. } | Partner::Surface { .. } => None,
-        };
-        let nodes = |contact: &Self| {
-            let mut nodes = [contact.node, contact.others[0].0, contact.others[1].0];
-            nodes[contact.count + 1..].fill(usize::MAX);
-            nodes.sort_unstable();
-            nodes
-        };
-        partner(self) == partner(other) && nodes(self) == nodes(other)
-    }
-
     /// Σ wᵢ vᵢ over the particles that touch.
     pub fn point(&self, vectors: &[DVec3]) -> DVec3 {
         if self.is_particle() {

@@ -57,6 +57,9 @@ const FRICTION_PASSES: usize = 2;
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
 
+/// The sine of the angle between two normals that are taken for different ones.
+const MIN_ANGLE: f64 = 1e-6;
+
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
 const REACH: f64 = 4.0;
@@ -243,14 +246,34 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// Whether anything that nothing in the step can move held in the last linearisation.
-    pub fn are_held_from_outside(&self) -> bool {
-        self.contacts.iter().any(|contact| contact.force > 0.0 && contact.outer_part() != 0.0)
+    /// The contacts that held in the last linearisation with what nothing in the step can move.
+    fn held_from_outside(&self) -> impl Iterator<Item = &Contact> {
+        self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.outer_part() != 0.0)
     }
 
-    /// To be called when contacts were added to those of a solution.
-    pub fn restart(&mut self) {
-        (self.stiffness, self.passes) = (STIFFENING, 0);
+    /// Whether there are any such.
+    pub fn are_held_from_outside(&self) -> bool {
+        self.held_from_outside().next().is_some()
+    }
+
+    /// Their force, N.
+    pub fn force(&self) -> DVec3 {
+        let of = |contact: &Contact| (contact.normal * contact.force + contact.rubbing) * contact.outer_part();
+        self.held_from_outside().map(of).sum()
+    }
+
+    /// The part of a displacement that leads into no obstacle and away from none.
+    pub fn along_surfaces(&self, displacement: DVec3) -> DVec3 {
+        let mut basis = [DVec3::ZERO; 3];
+        let mut count = 0;
+        for contact in self.held_from_outside() {
+            let outside = perpendicular(contact.normal, &basis);
+            if count < 3 && outside.length_squared() > MIN_ANGLE * MIN_ANGLE {
+                basis[count] = outside.normalize();
+                count += 1;
+            }
+        }
+        perpendicular(displacement, &basis)
     }
 
     /// Number of Newton steps of the next solution, at most.
@@ -366,7 +389,12 @@ impl Contacts {
     }
 }
 
+/// The part of a vector perpendicular to orthonormal ones, or zeros.
+fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
+    basis.iter().fold(vector, |rest, direction| rest - *direction * rest.dot(*direction))
+}
+
 /// The longest way of a node, m.
-fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
+pub(super) fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
     nodes.map(|node| end[node].distance_squared(start[node])).fold(0.0, f64::max).sqrt()
 }

@@ -1,7 +1,6 @@
 //! Edges and triangles of an island that touch colliders between their corners.
 //!
-//! Which point of them touches is found where the island would fly, and is kept for the step. Where the solution goes another
-//! way, and through a collider, what it meets there is added, and the step is solved again.
+//! Which point of them touches is found where the island would fly, and is kept for the step.
 
 use bevy::math::DVec3;
 
@@ -94,116 +93,6 @@ impl Contacts {
         }
     }
 }
-
-/// How deep what is of this radius may be in a collider at the end of a step without another solution, m.
-fn tolerance(radius: f64) -> f64 {
-    0.005 * radius + 5e-5
-}
-
-/// Something that a solution leads through: as the plane that is met first.
-struct Missed {
-    feature: Feature,
-    obstacle: Obstacle,
-    weights: [f64; 3],
-    coefficients: [f64; 2],
-}
-
-/// Finds what the nodes pass through on the way to the present `position`.
-fn find_missed(
-    motion: &Motion,
-    position: &[DVec3],
-    features: &IslandFeatures,
-    (obstacles, surroundings): (&Obstacles, Surroundings),
-) -> Vec<Missed> {
-    let Motion { elimination, particles, start, h, .. } = *motion;
-    let radius_of = |slot: usize| f64::from(particles.radius()[slot]);
-    let mut missed = Vec::new();
-    for node in 0..elimination.free {
-        let slot = elimination.slots[node] as usize;
-        let (ways, radius) = ([start[node], position[node]], radius_of(slot));
-        let corners = ways.map(|place| [place; 3]);
-        obstacles.near_feature((slot, surroundings), corners, [radius; 3], h, |obstacle, coefficients| {
-            let met = obstacle.met(ways, radius);
-            if let Some(obstacle) = met.filter(|met| met.gap(ways[1], radius).0 < -tolerance(radius)) {
-                let feature = Feature { corners: [node as u32; 3], count: 1 };
-                missed.push(Missed { feature, obstacle, weights: [1.0, 0.0, 0.0], coefficients });
-            }
-        });
-    }
-    for feature in &features.all {
-        let nodes = feature.corners.map(|node| node as usize);
-        let slots = nodes.map(|node| elimination.slots[node] as usize);
-        let radii = slots.map(radius_of);
-        let ways = [nodes.map(|node| start[node]), nodes.map(|node| position[node])];
-        obstacles.near_feature((slots[0], surroundings), ways, radii, h, |obstacle, coefficients| {
-            let found = obstacle.deepest(feature.count, ways, radii, h);
-            let Some((obstacle, weights)) = found else { return };
-            let radius = weigh(radii, weights);
-            // What is slow is pushed out of a solid on the right side, in the next step at the latest.
-            if !obstacle.is_solid() && obstacle.gap(sum(ways[1], weights), radius).0 < -tolerance(radius) {
-                missed.push(Missed { feature: *feature, obstacle, weights, coefficients });
-            }
-        });
-    }
-    missed
-}
-
-impl Contacts {
-    /// Adds what the nodes pass through on the way to the present `position`; whether there was anything.
-    pub fn add_missed(
-        &mut self,
-        motion: &Motion,
-        position: &[DVec3],
-        features: &IslandFeatures,
-        surroundings: (&Obstacles, Surroundings),
-    ) -> bool {
-        let missed = find_missed(motion, position, features, surroundings);
-        let any = !missed.is_empty();
-        for Missed { feature, obstacle, weights, coefficients } in missed {
-            if let Some(contact) = feature_contact(motion, &feature, obstacle, weights, coefficients) {
-                // A solid that has been passed through would push out on the wrong side.
-                self.contacts.retain(|other| !(other.is_with_solid() && other.is_at(&contact)));
-                self.contacts.push(contact);
-            }
-        }
-        self.restart();
-        any
-    }
-}
-
-/// Puts what has passed through a collider back onto its surface, where no solution has been found that does not: the particles of
-/// each point by shares as an impulse there would move them.
-pub(super) fn put_back(
-    motion: &Motion,
-    position: &mut [DVec3],
-    features: &IslandFeatures,
-    surroundings: (&Obstacles, Surroundings),
-) {
-    let Motion { elimination, particles, inertia, .. } = *motion;
-    for _ in 0..MAX_PUT_BACKS {
-        let missed = find_missed(motion, position, features, surroundings);
-        if missed.is_empty() {
-            return;
-        }
-        for Missed { feature, obstacle, weights, .. } in missed {
-            let nodes = feature.corners.map(|node| node as usize);
-            let radii = nodes.map(|node| f64::from(particles.radius()[elimination.slots[node] as usize]));
-            let own = || (0..feature.count).filter(|place| nodes[*place] < elimination.free);
-            let mobility: f64 = own().map(|place| weights[place].powi(2) / inertia[nodes[place]]).sum();
-            let point = sum(nodes.map(|node| position[node]), weights);
-            let (gap, normal) = obstacle.gap(point, weigh(radii, weights));
-            if gap < 0.0 && mobility > 0.0 {
-                for place in own() {
-                    let share = weights[place] / inertia[nodes[place]] / mobility;
-                    position[nodes[place]] -= normal * (gap * share);
-                }
-            }
-        }
-    }
-}
-
-/// Rounds of [`put_back`], at most.
-const MAX_PUT_BACKS: usize = 8;
 
 fn feature_contact(
     motion: &Motion,

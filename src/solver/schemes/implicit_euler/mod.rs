@@ -44,8 +44,8 @@ use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
 use clusters::Clusters;
-use contacts::{Motion, PairFilter};
-use features::{IslandFeatures, put_back};
+use contacts::{Motion, PairFilter, longest_way};
+use features::IslandFeatures;
 use newton::{MAX_STEPS, Newton};
 use system::System;
 use tr_bdf2::{Context, Stages};
@@ -83,8 +83,8 @@ struct Island {
     features: IslandFeatures,
 }
 
-/// Number of solutions of a step, at most, that follow because one leads through a collider.
-const MAX_MISSES: usize = 6;
+/// The longest correction of what touches something, as a part of the longest way of a particle in free flight.
+const MAX_DRIFT: f64 = 0.02;
 
 /// What the islands have in common in a step.
 #[derive(Clone, Copy)]
@@ -241,27 +241,19 @@ impl Island {
             if !surfaces.is_empty() {
                 system.begin_low(elimination);
             }
-            system.minimise(newton, elimination);
+            loop {
+                let max_steps = system.contacts.max_steps();
+                let is_solved = newton.minimise(system, elimination, max_steps);
+                if !system.contacts.refine(&system.position, is_solved) {
+                    break;
+                }
+            }
             let System { start, position, contacts, .. } = &*system;
             match contacts.missing_reach(elimination.free, start, position) {
                 Some(missing) if reach == 0.0 && !obstacles.is_empty() => reach = 2.0 * missing,
                 _ => break,
             }
         }
-        if !obstacles.any_thin() {
-            return;
-        }
-        for _ in 0..MAX_MISSES {
-            let System { start, flight, position, inertia, contacts, .. } = &mut *system;
-            let motion = Motion { elimination, particles, start, flight, inertia, h };
-            if !contacts.add_missed(&motion, position, features, (obstacles, surroundings)) {
-                return;
-            }
-            system.minimise(newton, elimination);
-        }
-        let System { start, flight, position, inertia, .. } = &mut *system;
-        let motion = Motion { elimination, particles, start, flight, inertia, h };
-        put_back(&motion, position, features, (obstacles, surroundings));
     }
 
     /// Backward Euler; what holds the particles is a part of the step.
@@ -337,24 +329,25 @@ impl Island {
         true
     }
 
-    /// Moves an island that nothing holds as a whole, to where it has the momentum that it must have:
-    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements and contacts within it add none. It would be so by itself, had the equations of
-    /// the core been solved to the last bit. What an obstacle holds may have any: the force of a stiff contact is not known as
-    /// well as that.
+    /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
+    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements add none. It would be so by itself, had the equations of the core
+    /// been solved to the last bit. The force of a stiff contact is known less well than that where Newton's method has not come
+    /// close: with contacts the island is moved by no more than [`MAX_DRIFT`].
     fn balance(&mut self) {
         let Self { elimination, system, .. } = self;
-        if elimination.trees == elimination.free
-            || elimination.is_anchored()
-            || system.contacts.are_held_from_outside()
-        {
+        if elimination.trees == elimination.free || elimination.is_anchored() {
             return;
         }
-        let (mut drift, mut inertia) = (DVec3::ZERO, 0.0);
+        let (mut drift, mut inertia) = (-system.contacts.force(), 0.0);
         for node in 0..elimination.free {
             drift += system.inertia[node] * (system.position[node] - system.flight[node]);
             inertia += system.inertia[node];
         }
-        drift /= inertia;
+        let mut drift = system.contacts.along_surfaces(drift / inertia);
+        if system.contacts.hold() {
+            let longest = longest_way(0..elimination.free, &system.start, &system.flight);
+            drift = drift.clamp_length_max(MAX_DRIFT * longest);
+        }
         for position in &mut system.position[..elimination.free] {
             *position -= drift;
         }
@@ -386,19 +379,6 @@ impl Island {
         }
         if !rebounds {
             self.rest(particles);
-        }
-    }
-}
-
-impl System {
-    /// Finds the minimum with the contacts that it has.
-    fn minimise(&mut self, newton: &mut Newton, elimination: &Elimination) {
-        loop {
-            let max_steps = self.contacts.max_steps();
-            let is_solved = newton.minimise(self, elimination, max_steps);
-            if !self.contacts.refine(&self.position, is_solved) {
-                return;
-            }
         }
     }
 }
