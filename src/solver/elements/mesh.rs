@@ -28,6 +28,9 @@ pub(in crate::solver) struct CollisionEdge {
 pub(in crate::solver) struct CollisionMesh {
     pub edges: Vec<CollisionEdge>,
     pub triangles: Vec<[u32; 3]>,
+    /// Particles of a net that are in one place at rest: the copies of one that a tear has split, which stay neighbours.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub seams: Vec<[u32; 2]>,
     /// Whether the particle in each slot is inside a net, behind its surface; shorter than the particles where none is.
     pub inner: Vec<bool>,
     /// The springs that belong to nets: of others each may be asked to collide along its length.
@@ -61,6 +64,14 @@ impl CollisionMesh {
         first
     }
 
+    /// Appends seams; the number of the first.
+    pub fn add_seams(&mut self, seams: impl IntoIterator<Item = [u32; 2]>) -> usize {
+        let first = self.seams.len();
+        self.seams.extend(seams);
+        self.version = Version::new();
+        first
+    }
+
     /// Marks the particles in some slots as inside a net.
     pub fn add_inner(&mut self, slots: impl Iterator<Item = u32>) {
         for slot in slots.map(|slot| slot as usize) {
@@ -88,6 +99,12 @@ impl CollisionMesh {
     /// Empties the place of a triangle.
     pub fn remove_triangle(&mut self, number: usize) {
         self.triangles[number] = [NONE; 3];
+        self.version = Version::new();
+    }
+
+    /// Empties the place of a seam.
+    pub fn remove_seam(&mut self, number: usize) {
+        self.seams[number] = [NONE; 2];
         self.version = Version::new();
     }
 
@@ -124,11 +141,17 @@ impl CollisionMesh {
                 self.remove_triangle(number);
             }
         }
+        for number in 0..self.seams.len() {
+            if self.seams[number].contains(&slot) {
+                self.remove_seam(number);
+            }
+        }
     }
 
     /// Renames the particles: `new_slots[old]` is the new slot of each.
     pub fn renumber(&mut self, new_slots: &[u32]) {
         let ends = self.edges.iter_mut().flat_map(|edge| &mut edge.ends);
+        let ends = ends.chain(self.seams.as_flattened_mut());
         for end in ends.chain(self.triangles.as_flattened_mut()) {
             *end = new_slots.get(*end as usize).copied().unwrap_or(NONE);
         }
@@ -167,6 +190,11 @@ impl CollisionMesh {
     /// The triangles that are there.
     pub fn present_triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
         self.triangles.iter().filter(|corners| corners[0] != NONE).copied()
+    }
+
+    /// The seams that are there.
+    pub fn present_seams(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
+        self.seams.iter().filter(|ends| ends[0] != NONE).copied()
     }
 
     /// Whether the particle in a slot is inside a net.

@@ -24,6 +24,9 @@ pub(crate) struct NetRanges {
     /// Among the triangles that collide.
     #[cfg_attr(feature = "serialize", serde(default))]
     pub triangles: Range<usize>,
+    /// Among the seams of what collides.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub seams: Range<usize>,
 }
 
 /// The elements of a net, with ends that are counted from its first particle.
@@ -65,6 +68,16 @@ impl NetElements<'_> {
         };
         let edges = edges_of(self.triangles).into_iter();
         edges.map(|ends| CollisionEdge { ends, rest_length: rest_length(ends), spring: NONE }).collect()
+    }
+
+    /// The corners of the surface that are in one place at rest: each with the one before.
+    fn seams(&self) -> Vec<[u32; 2]> {
+        let place = |corner: u32| self.rest.get(corner as usize).map(|place| place.to_array().map(f32::to_bits));
+        let mut corners = self.triangles.as_flattened().to_vec();
+        corners.sort_unstable_by_key(|corner| (place(*corner), *corner));
+        corners.dedup();
+        let pairs = corners.windows(2).map(|pair| [pair[0], pair[1]]);
+        pairs.filter(|pair| place(pair[0]).is_some() && place(pair[0]) == place(pair[1])).collect()
     }
 
     fn faces(&self) -> usize {
@@ -112,6 +125,7 @@ impl State {
             ..edge
         });
         let [edges, triangles] = [self.mesh.add_edges(edges), self.mesh.add_triangles(triangles)];
+        let seams = self.mesh.add_seams(elements.seams().into_iter().map(|ends| ends.map(|end| end + first)));
         if !elements.triangles.is_empty() {
             let mut is_inner = vec![true; self.particles.len() - first as usize];
             elements.triangles.as_flattened().iter().for_each(|corner| is_inner[*corner as usize] = false);
@@ -121,6 +135,7 @@ impl State {
         NetRanges {
             edges: edges..self.mesh.edges.len(),
             triangles: triangles..self.mesh.triangles.len(),
+            seams: seams..self.mesh.seams.len(),
             ..NetRanges::default()
         }
     }
@@ -155,6 +170,7 @@ impl State {
         ranges.gas.into_iter().for_each(|gas| self.remove_gas(gas));
         ranges.edges.clone().for_each(|number| self.mesh.remove_edge(number));
         ranges.triangles.clone().for_each(|number| self.mesh.remove_triangle(number));
+        ranges.seams.clone().for_each(|number| self.mesh.remove_seam(number));
         for slot in slots {
             self.sleep.vanish(slot, &self.particles);
             self.particles.vacate(slot);

@@ -19,6 +19,9 @@ const PATIENT_ROUNDS: u32 = 6;
 /// Number of rounds, at most.
 const MAX_ROUNDS: u32 = 64;
 
+/// Number of iterations over the velocities of what was stopped, at most.
+const VELOCITY_ITERATIONS: usize = 4;
+
 /// The part of the present distance below which two do not come that are nearer than the least distance already.
 const KEPT_PART: f32 = 0.97;
 
@@ -32,6 +35,8 @@ struct Tight {
     distance: f32,
     /// m.
     least: f32,
+    /// Whether it was stopped.
+    is_met: bool,
 }
 
 /// Working memory.
@@ -76,6 +81,7 @@ impl Advance {
         if !is_settled {
             self.stop_all(particles, on_mesh);
         }
+        self.stop_velocities(search, start, particles);
         let mut any = false;
         for slot in self.stopped.iter().map(|slot| *slot as usize) {
             // Some are listed more than once.
@@ -87,6 +93,37 @@ impl Advance {
             }
         }
         any
+    }
+
+    /// Has the sides of what was stopped approach each other no longer: without that springs would drive them on, and on.
+    fn stop_velocities(&self, search: &Search, start: &Vectors, particles: &mut Particles) {
+        for _ in 0..VELOCITY_ITERATIONS {
+            let mut any = false;
+            for pair in self.tight.iter().filter(|pair| pair.is_met) {
+                let candidate = &search.candidates[pair.number as usize];
+                let (slots, sides) = (candidate.slots.map(|slot| slot as usize), candidate.kind.first_side());
+                let ways = candidate.ways(Moving { start, end: &particles.position, particles });
+                let mut weights = ways.closest(0.0).weights;
+                weights[sides..].iter_mut().for_each(|weight| *weight = -*weight);
+                let inverse_mass = slots.map(|slot| particles.inverse_mass()[slot]);
+                let yields: f32 = (0..4).map(|place| weights[place].powi(2) * inverse_mass[place]).sum();
+                let velocity = slots.map(|slot| Vec3A::from(particles.velocity.get(slot)));
+                let relative: Vec3A = (0..4).map(|place| weights[place] * velocity[place]).sum();
+                let approach = -relative.dot(pair.direction);
+                if approach.is_nan() || approach <= 0.0 || yields == 0.0 {
+                    continue;
+                }
+                any = true;
+                for place in 0..candidate.kind.corners() {
+                    let share = weights[place] * inverse_mass[place] / yields;
+                    let new = velocity[place] + pair.direction * (approach * share);
+                    particles.velocity.set(slots[place], new.into());
+                }
+            }
+            if !any {
+                return;
+            }
+        }
     }
 
     /// Puts all surfaces and balls back to where they were.
@@ -137,7 +174,7 @@ impl Advance {
                 continue;
             }
             let (direction, least) = (apart / distance, least.min(KEPT_PART * distance));
-            self.tight.push(Tight { number, direction, distance, least });
+            self.tight.push(Tight { number, direction, distance, least, is_met: false });
         }
     }
 
@@ -145,7 +182,7 @@ impl Advance {
     fn shorten(&mut self, search: &Search, start: &Vectors, particles: &mut Particles, round: u32) -> bool {
         let Self { tight, parts, next, stopped, is_carried } = self;
         let mut any = false;
-        for pair in &*tight {
+        for pair in &mut *tight {
             let candidate = &search.candidates[pair.number as usize];
             let slots = candidate.slots.map(|slot| slot as usize);
             // In a later round only what has been stopped in the one before concerns anyone.
@@ -164,6 +201,7 @@ impl Advance {
             if time >= 1.0 {
                 continue;
             }
+            pair.is_met = true;
             any |= stop_pair((slots, time), particles, (parts, next, stopped));
             if slots.iter().all(|slot| particles.is_pinned(*slot) || parts[*slot] == 0.0) {
                 any |= carry(slots, &ways, start, particles, (parts, next, is_carried));

@@ -183,6 +183,10 @@ impl Finder<'_> {
             return;
         }
         let most = 0.5 * self.primitives.near.way(&slots[..sides], &slots[sides..]);
+        if most == 0.0 {
+            // They share a corner that a tear has split.
+            return;
+        }
         self.candidates.push(Candidate { slots, kind, marks, is_within, distance, reach, most });
     }
 }

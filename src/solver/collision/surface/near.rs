@@ -14,7 +14,7 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// Finds the ways along `links`, from each particle that is on the mesh and those that springs join to it.
+    /// Finds the ways along `links`, which have a length in m, from each particle that is on the mesh and those that springs join to it.
     pub fn rebuild<'a>(
         &mut self,
         links: impl Iterator<Item = &'a ([u32; 2], f32)> + Clone,

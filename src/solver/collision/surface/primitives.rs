@@ -102,7 +102,8 @@ impl Primitives {
         self.balls.extend((0..count as u32).filter(is_ball));
         let items = items(edges.iter().map(|(ends, _)| *ends), &triangles, count);
         self.forest.build(items, count);
-        let links = edges.iter().chain(&self.springs);
+        let seams: Vec<([u32; 2], f32)> = mesh.present_seams().map(|ends| (ends, 0.0)).collect();
+        let links = edges.iter().chain(&self.springs).chain(&seams);
         self.near.rebuild(links, radius, &self.on_mesh);
     }
 
