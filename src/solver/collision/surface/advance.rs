@@ -160,8 +160,9 @@ impl Advance {
     /// Lists the pairs that are not certified by how little their particles have moved since the search.
     fn find_tight(&mut self, search: &Search, moving: Moving) {
         self.tight.clear();
-        self.tight.reserve(search.candidates.len());
-        for (number, candidate) in (0..).zip(&search.candidates) {
+        self.tight.reserve(search.close.len());
+        for number in search.close.iter().copied() {
+            let candidate = &search.candidates[number as usize];
             let least = LEAST_PART * candidate.largest_reach();
             if candidate.least_distance(&search.moved) > least {
                 continue;

@@ -179,14 +179,16 @@ impl Finder<'_> {
         let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
         // Less than the true one: what is told from it must not depend on rounding.
         let distance = closest(kind, &corners).apart.length() - DISTANCE_ROUNDING * farthest.max_element();
-        if distance > reach + self.margin + of_both(&self.rooms[usize::from(!is_within)]) {
+        let room = self.margin + of_both(&self.rooms[usize::from(!is_within)]);
+        if distance > reach + room {
             return;
         }
-        let most = 0.5 * self.primitives.near.way(&slots[..sides], &slots[sides..]);
-        if most == 0.0 {
-            // They share a corner that a tear has split.
+        let way = if is_within { self.primitives.near.way(&slots[..sides], &slots[sides..]) } else { f32::INFINITY };
+        // No way is between those that share a corner which a tear has split.
+        if way == 0.0 || distance > 0.5 * way + room {
             return;
         }
+        let most = 0.5 * way;
         self.candidates.push(Candidate { slots, kind, marks, is_within, distance, reach, most });
     }
 }

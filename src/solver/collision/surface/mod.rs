@@ -142,7 +142,7 @@ impl Surfaces {
         let is_solved = |slot: &u32| {
             particles.is_pinned(*slot as usize) || is_implicit.get(*slot as usize) == Some(&true)
         };
-        let candidates = search.candidates.iter();
+        let candidates = search.close();
         let own = candidates.filter(|pair| is_implicit.is_empty() || !pair.slots.iter().all(is_solved));
         contacts.extend(own.filter_map(|pair| examination.contact(pair)));
         if contacts.is_empty() {

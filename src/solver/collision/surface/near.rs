@@ -55,12 +55,16 @@ impl Near {
             }
             for to in reached.drain(..) {
                 if to as usize != from {
-                    found.push((from as u32, to, length[to as usize]));
+                    let way = length[to as usize];
+                    found.extend([(from as u32, to, way), (to, from as u32, way)]);
                 }
                 length[to as usize] = f32::INFINITY;
             }
             length[from] = f32::INFINITY;
         }
+        // Each way from both of its ends, and the shortest first where it was found from both.
+        found.sort_unstable_by(|(a, b, one), (c, d, other)| (a, b).cmp(&(c, d)).then(one.total_cmp(other)));
+        found.dedup_by_key(|(from, to, _)| (*from, *to));
         self.ways.fill(count, |add| {
             found.iter().for_each(|(from, to, length)| add(*from as usize, (*to, *length)));
         });
@@ -72,17 +76,13 @@ impl Near {
             return f32::INFINITY;
         }
         let mut least = f32::INFINITY;
-        let mut search = |from: &[u32], to: &[u32]| {
-            for slot in from {
-                for (other, way) in self.ways.of(*slot as usize) {
-                    if *way < least && to.contains(other) {
-                        least = *way;
-                    }
+        for slot in first {
+            for (other, way) in self.ways.of(*slot as usize) {
+                if *way < least && second.contains(other) {
+                    least = *way;
                 }
             }
-        };
-        search(first, second);
-        search(second, first);
+        }
         least
     }
 }

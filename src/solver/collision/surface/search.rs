@@ -27,6 +27,9 @@ const FAST_SKIN: [f32; 2] = [2.0, 6.0];
 const BODY_SUBSTEPS: f32 = 16.0;
 const BODY_ROOM: f32 = 0.1;
 
+/// By how much more than it has moved at most a vertex may move before the close candidates are listed anew.
+const LIMIT_GROWTH: f32 = 1.5;
+
 /// Rounding, as a part of a coordinate.
 const ROUNDING: f32 = 4e-7;
 
@@ -72,6 +75,11 @@ pub(super) struct Search {
     /// How far each vertex is, or was at the start of the substep, from where it was in the search: with its body, and in
     /// the world; m.
     pub moved: [Vec<f32>; 2],
+    /// The farthest of each.
+    farthest: [f32; 2],
+    /// The numbers of the candidates that may touch before any vertex is farther than `limits`, m, in their order.
+    pub close: Vec<u32>,
+    limits: [f32; 2],
     /// How far each vertex may come from there without leaving its boxes, m.
     rooms: [Vec<f32>; 2],
     /// By node of the forest.
@@ -121,14 +129,36 @@ impl Search {
         self.age = self.age.saturating_add(1);
         let many = MANY_PAIRS * (primitives.forest.edges.len() + primitives.forest.triangles.len());
         self.is_good &= margin <= self.margin && !(self.age > MAX_AGE && self.candidates.len() > many);
-        if !(self.is_good && self.still_holds(primitives, moving)) {
+        let is_new = !(self.is_good && self.still_holds(primitives, moving));
+        if is_new {
             self.margin = self.margin.max(margin);
             self.search(primitives, moving, skins);
             (self.is_good, self.age) = (true, 0);
+            self.limits = [-1.0; 2];
             self.measure(primitives, moving);
-            return true;
         }
-        false
+        let limits = self.farthest;
+        if limits.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
+            self.limits = limits.map(|farthest| LIMIT_GROWTH * farthest);
+            self.list_close();
+        }
+        is_new
+    }
+
+    /// Lists the candidates that may touch before any vertex is farther than the limits.
+    fn list_close(&mut self) {
+        let Self { candidates, close, limits, margin, .. } = self;
+        close.clear();
+        let is_close = |candidate: &Candidate| {
+            let most_moved = 2.0 * limits[usize::from(!candidate.is_within)];
+            candidate.distance <= candidate.largest_reach() + *margin + most_moved
+        };
+        close.extend((0..).zip(&*candidates).filter(|(_, one)| is_close(one)).map(|(number, _)| number));
+    }
+
+    /// The candidates that may touch.
+    pub fn close(&self) -> impl Iterator<Item = &Candidate> {
+        self.close.iter().map(|number| &self.candidates[*number as usize])
     }
 
     /// The means of where a body's vertices are at the start and at the end, relative to those in the search.
@@ -144,6 +174,7 @@ impl Search {
     /// Whether each vertex is in its boxes.
     fn still_holds(&mut self, primitives: &Primitives, moving: Moving) -> bool {
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
+        let mut farthest = [0.0_f32; 2];
         for (number, body) in forest.bodies.iter().enumerate() {
             let drift = self.drift(primitives, number, moving);
             let mut all = Box3::NOTHING;
@@ -163,12 +194,14 @@ impl Search {
                     (one - origin).length_squared().max((other - origin).length_squared()).sqrt()
                 };
                 self.moved[0][slot] = moved([ends[0] - drift[0], ends[1] - drift[1]]);
+                farthest[0] = farthest[0].max(self.moved[0][slot]);
                 if self.has_partner[number] {
                     let world = &self.world[slot];
                     if !(world.contains(ends[0], reach) && world.contains(ends[1], reach)) {
                         return false;
                     }
                     self.moved[1][slot] = moved(ends);
+                    farthest[1] = farthest[1].max(self.moved[1][slot]);
                 } else {
                     all.least = all.least.min(ends[0].min(ends[1]) - reach);
                     all.most = all.most.max(ends[0].max(ends[1]) + reach);
@@ -190,7 +223,9 @@ impl Search {
             }
             let origin = Vec3A::from(self.origins.get(slot));
             self.moved[1][slot] = ends[0].distance(origin).max(ends[1].distance(origin));
+            farthest[1] = farthest[1].max(self.moved[1][slot]);
         }
+        self.farthest = farthest;
         true
     }
 

@@ -75,7 +75,7 @@ impl Surfaces {
         };
         let is_free = |slot: &&u32| !particles.is_pinned(**slot as usize);
         let known = found.len();
-        for candidate in &search.candidates {
+        for candidate in search.close() {
             let free = || candidate.slots.iter().filter(is_free);
             if !free().all(|slot| is_advanced(*slot)) || !free().any(|slot| is_in_island(*slot)) {
                 continue;
