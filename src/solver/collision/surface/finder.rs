@@ -183,7 +183,7 @@ impl Finder<'_> {
         if distance > reach + room {
             return;
         }
-        let way = if is_within { self.primitives.near.way(&slots[..sides], &slots[sides..]) } else { f32::INFINITY };
+        let way = self.primitives.near.way(&slots[..sides], &slots[sides..]);
         // No way is between those that share a corner which a tear has split.
         if way == 0.0 || distance > 0.5 * way + room {
             return;
