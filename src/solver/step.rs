@@ -115,9 +115,11 @@ pub(crate) fn step(
             elapsed,
         };
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
-        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
+        let implicit = caches.contacts.implicit();
         let have_touched =
-            caches.surfaces.resolve(&mut state.particles, substep, caches.contacts.implicit(), records);
+            caches.surfaces.resolve(&mut state.particles, substep, implicit, records.as_deref_mut());
+        // Last, as colliders do not give way.
+        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
         if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {

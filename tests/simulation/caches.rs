@@ -86,6 +86,8 @@ fn nets() -> Solver {
     add_net(&mut solver, &rope.topology().unwrap(), Vec3::new(-2.0, 1.0, 0.0), &[0, 1]);
     let cloth = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Z, UVec2::new(5, 4));
     add_net(&mut solver, &cloth.topology().unwrap(), Vec3::Y * 0.5, &[0, 5]);
+    // Falls onto the cloth.
+    solver.add_particle(Vec3::new(0.5, 0.6, 0.5), Vec3::NEG_Y, 0.2, 0.05).unwrap();
     let balloon = Balloon::default().with_subdivisions(1);
     add_net(&mut solver, &balloon.topology().unwrap(), Vec3::X * 2.0, &[]);
     solver

@@ -21,10 +21,10 @@ pub struct JellyMaterial {
 #[cfg(feature = "serialize")]
 use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
-/// Gelatine.
+/// Ballistic gelatine: a cube of one metre stands, shorter by a twentieth.
 impl Default for JellyMaterial {
     fn default() -> Self {
-        Self::GELATINE
+        Self::BALLISTIC_GELATINE
     }
 }
 

@@ -20,7 +20,7 @@ const PATIENT_ROUNDS: u32 = 6;
 const MAX_ROUNDS: u32 = 64;
 
 /// Number of iterations over the velocities of what was stopped, at most.
-const VELOCITY_ITERATIONS: usize = 4;
+const VELOCITY_ITERATIONS: usize = 32;
 
 /// The part of the present distance below which two do not come that are nearer than the least distance already.
 const KEPT_PART: f32 = 0.97;
