@@ -115,11 +115,9 @@ pub(crate) fn step(
             elapsed,
         };
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
-        let implicit = caches.contacts.implicit();
+        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
         let have_touched =
-            caches.surfaces.resolve(&mut state.particles, substep, implicit, records.as_deref_mut());
-        // Last, as colliders do not give way.
-        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records);
+            caches.surfaces.resolve(&mut state.particles, substep, caches.contacts.implicit(), records);
         if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {
