@@ -227,9 +227,6 @@ pub struct StepSettings {
     /// Whether springs that belong to no net collide along their length, as capsules that taper from the radius of one end
     /// to that of the other, where particles collide. Default false.
     pub collide_springs: bool,
-    /// Whether surfaces of nets collide with each other where an implicit scheme advances any net, too; else, in ticks in which
-    /// one does, particles of nets collide as spheres. It may take ten times as long as all else. Default false.
-    pub implicit_surfaces: bool,
     /// Whether all motion is in a plane of constant z: what is in one place parts within it. Default false.
     pub is_flat: bool,
 }
@@ -249,7 +246,6 @@ impl Default for StepSettings {
             pair_rules: None,
             sleep: None,
             collide_springs: false,
-            implicit_surfaces: false,
             is_flat: false,
         }
     }

@@ -81,7 +81,6 @@ pub(crate) fn step(
         &state.elements,
         &state.particles,
         (settings, &inputs.skins),
-        settings.implicit_surfaces || !plan.is_implicit(),
     );
     caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
     let duration = settings.time_step / plan.substeps as f32;

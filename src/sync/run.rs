@@ -120,7 +120,6 @@ impl Configuration<'_, '_> {
             pair_rules: particles.then_some(PairRules { restitution, friction }),
             sleep: sleep.enabled.then_some(Sleep { speed: sleep.speed, delay: sleep.delay }),
             collide_springs: springs,
-            implicit_surfaces: false,
             is_flat: *self.dimensions == Dimensions::Two,
         }
     }

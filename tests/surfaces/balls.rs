@@ -41,7 +41,6 @@ fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
             gravity: Vec3::NEG_Y * 9.81,
             viscosity: 1e-4,
             pair_rules: Some(PairRules { restitution: 0.0, friction: 0.4 }),
-            implicit_surfaces: true,
             ..StepSettings::default()
         };
         let turned = |tick: u32| Quat::from_rotation_y(3.0 * (tick as f32 / 120.0 - 0.75).max(0.0));

@@ -40,7 +40,6 @@ fn settings(integrator: Integrator, friction: f32) -> StepSettings {
         substeps: SubstepMode::Fixed(if integrator == Integrator::SemiImplicitEuler { 8 } else { 2 }),
         time_step: 1.0 / 120.0,
         pair_rules: Some(PairRules { restitution: 0.3, friction }),
-        implicit_surfaces: true,
         ..StepSettings::default()
     }
 }

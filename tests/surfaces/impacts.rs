@@ -10,7 +10,6 @@ fn settings(integrator: Integrator, restitution: f32, friction: f32) -> StepSett
         integrator,
         substeps: SubstepMode::Fixed(1),
         pair_rules: Some(PairRules { restitution, friction }),
-        implicit_surfaces: true,
         ..StepSettings::default()
     }
 }

@@ -59,7 +59,6 @@ fn an_overhand_knot_is_pulled_tight_without_a_crossing() {
             time_step: 1.0 / 6000.0,
             viscosity: 0.01,
             pair_rules: Some(PairRules { restitution: 0.0, friction }),
-            implicit_surfaces: true,
             ..StepSettings::default()
         };
         let edges = (0..count).map(|link| [link, link + 1]).collect();

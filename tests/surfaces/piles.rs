@@ -23,7 +23,6 @@ fn settings(integrator: Integrator) -> StepSettings {
         gravity: Vec3::NEG_Y * 9.81,
         viscosity: 1e-4,
         pair_rules: Some(PairRules { restitution: 0.0, friction: 0.2 }),
-        implicit_surfaces: true,
         ..StepSettings::default()
     }
 }

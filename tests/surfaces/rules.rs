@@ -15,7 +15,6 @@ fn settings(integrator: Integrator) -> StepSettings {
         substeps: SubstepMode::Fixed(1),
         time_step: 1.0 / 960.0,
         pair_rules: Some(PairRules::default()),
-        implicit_surfaces: true,
         ..StepSettings::default()
     }
 }

@@ -16,7 +16,6 @@ fn settings(integrator: Integrator, substeps: u32) -> StepSettings {
         time_step: 1.0 / 60.0 / substeps as f32,
         gravity: Vec3::NEG_Y * 9.81,
         pair_rules: Some(PairRules { restitution: 0.0, friction: 0.2 }),
-        implicit_surfaces: true,
         ..StepSettings::default()
     }
 }

@@ -76,16 +76,15 @@ pub(in crate::solver) struct Surfaces {
 }
 
 impl Surfaces {
-    /// To be called at the start of a tick, in which surfaces collide if that `is_wanted`.
+    /// To be called at the start of a tick.
     pub fn begin_tick(
         &mut self,
         mesh: &CollisionMesh,
         elements: &Elements,
         particles: &Particles,
         (settings, skins): (&StepSettings, &[Skin]),
-        is_wanted: bool,
     ) {
-        let any = is_wanted && settings.pair_rules.is_some();
+        let any = settings.pair_rules.is_some();
         if any && self.primitives.refresh(mesh, elements, particles, settings.collide_springs) {
             self.search.reset();
         }
