@@ -280,7 +280,8 @@ mod tests {
         mesh.check_closed().expect("closed");
         assert!((mesh.volume() - 24.0).abs() < 1e-6);
         let mass: f64 = topology.masses.iter().map(|mass| f64::from(*mass)).sum();
-        assert!((mass / 24.0 / 1020.0 - 1.0).abs() < 1e-6);
+        let density = f64::from(JellyMaterial::default().density);
+        assert!((mass / 24.0 / density - 1.0).abs() < 1e-6);
     }
 
     /// Of whole cubes both ways to make springs agree, but for the weights across beams, which boxes alone have.

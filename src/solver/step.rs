@@ -76,12 +76,7 @@ pub(crate) fn step(
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
     caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
-    caches.surfaces.begin_tick(
-        &state.mesh,
-        &state.elements,
-        &state.particles,
-        (settings, &inputs.skins),
-    );
+    caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, (settings, &inputs.skins));
     caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {

@@ -36,12 +36,19 @@ pub(in crate::solver) struct CollisionMesh {
     /// The springs that belong to nets: of others each may be asked to collide along its length.
     owned: Vec<Range<u32>>,
     version: Version,
+    #[cfg_attr(feature = "serialize", serde(default))]
+    lengths_version: Version,
 }
 
 impl CollisionMesh {
     /// Changes with the primitives.
     pub fn version(&self) -> Version {
         self.version
+    }
+
+    /// Changes with the lengths at rest of edges that stay.
+    pub fn lengths_version(&self) -> Version {
+        self.lengths_version
     }
 
     pub fn clear(&mut self) {
@@ -113,7 +120,7 @@ impl CollisionMesh {
         for (edge, wanted) in self.edges[numbers].iter_mut().zip(wanted) {
             if edge.rest_length != wanted {
                 edge.rest_length = wanted;
-                self.version = Version::new();
+                self.lengths_version = Version::new();
             }
         }
     }

@@ -72,7 +72,8 @@ impl NetElements<'_> {
 
     /// The corners of the surface that are in one place at rest: each with the one before.
     fn seams(&self) -> Vec<[u32; 2]> {
-        let place = |corner: u32| self.rest.get(corner as usize).map(|place| place.to_array().map(f32::to_bits));
+        let place =
+            |corner: u32| self.rest.get(corner as usize).map(|place| place.to_array().map(f32::to_bits));
         let mut corners = self.triangles.as_flattened().to_vec();
         corners.sort_unstable_by_key(|corner| (place(*corner), *corner));
         corners.dedup();

@@ -11,28 +11,28 @@ const REACH: f32 = 4.0;
 pub(super) struct Near {
     /// Of each slot those that are near, and how far, m; in the order of the slots.
     ways: Buckets<(u32, f32)>,
+    /// Working memory.
+    joined: Buckets<(u32, f32)>,
+    found: Vec<(u32, u32, f32)>,
+    length: Vec<f32>,
+    front: Vec<u32>,
+    reached: Vec<u32>,
 }
 
 impl Near {
     /// Finds the ways along `links`, which have a length in m, from each particle that is on the mesh and those that springs join to it.
-    pub fn rebuild<'a>(
-        &mut self,
-        links: impl Iterator<Item = &'a ([u32; 2], f32)> + Clone,
-        radius: &[f32],
-        on_mesh: &[bool],
-    ) {
+    pub fn rebuild(&mut self, links: &[([u32; 2], f32)], radius: &[f32], on_mesh: &[bool]) {
+        let Self { ways, joined, found, length, front, reached } = self;
         let count = radius.len();
-        let mut joined = Buckets::default();
         joined.fill(count, |add| {
-            for &([a, b], length) in links.clone() {
+            for &([a, b], length) in links {
                 add(a as usize, (b, length));
                 add(b as usize, (a, length));
             }
         });
-        let mut found: Vec<(u32, u32, f32)> = Vec::new();
-        let mut length = vec![f32::INFINITY; count];
-        let mut front: Vec<u32> = Vec::new();
-        let mut reached: Vec<u32> = Vec::new();
+        found.clear();
+        length.clear();
+        length.resize(count, f32::INFINITY);
         for from in 0..count {
             let reach = REACH * radius[from];
             if reach == 0.0 || (!on_mesh[from] && joined.of(from).is_empty()) {
@@ -65,7 +65,7 @@ impl Near {
         // Each way from both of its ends, and the shortest first where it was found from both.
         found.sort_unstable_by(|(a, b, one), (c, d, other)| (a, b).cmp(&(c, d)).then(one.total_cmp(other)));
         found.dedup_by_key(|(from, to, _)| (*from, *to));
-        self.ways.fill(count, |add| {
+        ways.fill(count, |add| {
             found.iter().for_each(|(from, to, length)| add(*from as usize, (*to, *length)));
         });
     }
@@ -95,7 +95,7 @@ mod tests {
     fn ways_are_the_shortest_and_end_at_a_few_radii() {
         let links = [([0, 1], 1.0), ([1, 2], 1.0), ([0, 2], 1.5), ([2, 3], 1.0), ([3, 4], 9.0)];
         let mut near = Near::default();
-        near.rebuild(links.iter(), &[0.7, 0.7, 0.7, 0.7, 0.7], &[true; 5]);
+        near.rebuild(&links, &[0.7, 0.7, 0.7, 0.7, 0.7], &[true; 5]);
         assert_eq!(near.way(&[0], &[2, 4]), 1.5);
         assert_eq!(near.way(&[0], &[3, 4]), 2.5);
         assert_eq!(near.way(&[0, 1], &[3, 4]), 2.0);

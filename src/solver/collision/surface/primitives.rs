@@ -30,6 +30,7 @@ pub(super) struct Primitive {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Primitives {
     key: Option<[Version; 4]>,
+    lengths_version: Version,
     springs: Vec<([u32; 2], f32)>,
     with_springs: bool,
     /// Whether a primitive with a thickness has a corner in each slot.
@@ -44,6 +45,7 @@ pub(super) struct Primitives {
     pub any: bool,
     /// Working memory.
     loose: Vec<([u32; 2], f32)>,
+    links: Vec<([u32; 2], f32)>,
 }
 
 impl Primitives {
@@ -66,28 +68,36 @@ impl Primitives {
             [mesh.version(), elements.ends_version(), particles.added_version(), particles.shape_version()];
         self.loose.clear();
         self.loose.extend(mesh.loose_springs(elements));
-        if self.key == Some(versions) && self.springs == self.loose && self.with_springs == with_springs {
+        let ends = |springs: &[([u32; 2], f32)], other: &[([u32; 2], f32)]| {
+            springs.iter().map(|(ends, _)| ends).eq(other.iter().map(|(ends, _)| ends))
+        };
+        let has_same_ends = self.key == Some(versions)
+            && self.with_springs == with_springs
+            && ends(&self.springs, &self.loose);
+        let has_same_lengths = self.lengths_version == mesh.lengths_version() && self.springs == self.loose;
+        if has_same_ends && has_same_lengths {
             return false;
         }
         (self.key, self.with_springs) = (Some(versions), with_springs);
+        self.lengths_version = mesh.lengths_version();
         std::mem::swap(&mut self.springs, &mut self.loose);
-        self.rebuild(mesh, elements, particles);
+        if !has_same_ends {
+            self.rebuild(mesh, elements, particles);
+        }
+        self.measure_ways(mesh, elements, particles.radius());
         true
     }
 
     fn rebuild(&mut self, mesh: &CollisionMesh, elements: &Elements, particles: &Particles) {
         let radius = particles.radius();
         let count = particles.len();
-        let is_thick = |corners: &[u32]| {
-            let all_there = corners.iter().all(|corner| (*corner as usize) < count);
-            all_there && corners.iter().any(|corner| radius[*corner as usize] > 0.0)
-        };
-        let edges: Vec<([u32; 2], f32)> =
-            mesh.present_edges(elements, self.with_springs).filter(|(ends, _)| is_thick(ends)).collect();
+        let is_thick = |corners: &[u32]| is_thick(corners, radius);
+        let edges = mesh.present_edges(elements, self.with_springs).map(|(ends, _)| ends);
+        let edges: Vec<[u32; 2]> = edges.filter(|ends| is_thick(ends)).collect();
         let triangles: Vec<[u32; 3]> = mesh.present_triangles().filter(|corners| is_thick(corners)).collect();
         self.on_mesh.clear();
         self.on_mesh.resize(count, false);
-        let corners = edges.iter().flat_map(|(ends, _)| ends).chain(triangles.as_flattened());
+        let corners = edges.as_flattened().iter().chain(triangles.as_flattened());
         corners.for_each(|corner| self.on_mesh[*corner as usize] = true);
         self.any = self.on_mesh.contains(&true);
         self.covered.clear();
@@ -100,11 +110,18 @@ impl Primitives {
         self.balls.clear();
         let is_ball = |slot: &u32| radius[*slot as usize] > 0.0 && !self.covered[*slot as usize];
         self.balls.extend((0..count as u32).filter(is_ball));
-        let items = items(edges.iter().map(|(ends, _)| *ends), &triangles, count);
+        let items = items(edges.iter().copied(), &triangles, count);
         self.forest.build(items, count);
-        let seams: Vec<([u32; 2], f32)> = mesh.present_seams().map(|ends| (ends, 0.0)).collect();
-        let links = edges.iter().chain(&self.springs).chain(&seams);
-        self.near.rebuild(links, radius, &self.on_mesh);
+    }
+
+    /// Finds the ways along the mesh that are short.
+    fn measure_ways(&mut self, mesh: &CollisionMesh, elements: &Elements, radius: &[f32]) {
+        let edges =
+            mesh.present_edges(elements, self.with_springs).filter(|(ends, _)| is_thick(ends, radius));
+        self.links.clear();
+        self.links.extend(edges.chain(self.springs.iter().copied()));
+        self.links.extend(mesh.present_seams().map(|ends| (ends, 0.0)));
+        self.near.rebuild(&self.links, radius, &self.on_mesh);
     }
 
     /// Where a body is without what its particles have moved relative to each other, m: the mean over some of them.
@@ -115,6 +132,12 @@ impl Primitives {
         let mean = sample.map(|slot| place(*slot as usize)).sum::<Vec3>() / size;
         if mean.is_finite() { mean } else { Vec3::ZERO }
     }
+}
+
+/// Whether all corners are there, and any has a radius.
+fn is_thick(corners: &[u32], radius: &[f32]) -> bool {
+    let all_there = corners.iter().all(|corner| (*corner as usize) < radius.len());
+    all_there && corners.iter().any(|corner| radius[*corner as usize] > 0.0)
 }
 
 /// The triangles with their edges, and the edges that belong to none.

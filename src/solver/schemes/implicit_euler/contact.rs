@@ -45,6 +45,8 @@ pub(super) struct Contact {
     pub rebound: f64,
     /// The force of friction where it was linearised last, N.
     pub rubbing: DVec3,
+    /// What friction was there.
+    pub(super) rubbed: Rubbed,
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
@@ -107,6 +109,7 @@ impl Contact {
             lagged: 0.0,
             rebound: 0.0,
             rubbing: DVec3::ZERO,
+            rubbed: Rubbed::default(),
             restitution: 0.0,
             friction: 0.0,
         }
@@ -199,13 +202,18 @@ impl Contact {
         let normal = self.press(position, stiffness);
         let stiffness = self.stiffness(stiffness);
         let limit = self.friction * self.lagged;
-        let friction = rub(self.slip(position, normal), limit, self.creep(creep, limit));
-        self.rubbing = friction.force;
+        let slip = self.slip(position, normal);
+        let friction = match self.rubbed.will_stick(slip.length(), limit) {
+            true => stuck(slip, limit, self.creep(creep, limit)),
+            false => rub(slip, limit, self.creep(creep, limit)),
+        };
+        self.rubbed.next(slip.length(), friction.stiffness);
+        self.rubbing = friction.force.clamp_length_max(limit);
         if self.force == 0.0 && limit == 0.0 {
             return 0.0;
         }
         let along = if self.force > 0.0 { stiffness } else { 0.0 };
-        self.add(normal * self.force + self.rubbing, [along, friction.stiffness], sums);
+        self.add(normal * self.force + friction.force, [along, friction.stiffness], sums);
         0.5 * self.force * self.force / stiffness + friction.energy
     }
 
@@ -267,6 +275,31 @@ impl Contact {
     }
 }
 
+/// The friction of one linearisation, and the slip there, m; the force by which it held in the solution before, N.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Rubbed {
+    slip: f64,
+    stiffness: f64,
+    force: f64,
+}
+
+impl Rubbed {
+    /// Whether a force of less than `limit` N will stop a slip that has become this, m.
+    ///
+    /// The quadratics of [`rub`] come nearer to what sticks by a part of the way only, the nearer to sliding the slower. The force
+    /// that stops it is extrapolated from the last two solutions, of which this one was held by `stiffness` · slip.
+    fn will_stick(&self, slip: f64, limit: f64) -> bool {
+        let force = self.stiffness * slip;
+        let has_answered = slip < self.slip && force > self.force;
+        has_answered && force + (force - self.force) * slip / (self.slip - slip) <= limit
+    }
+
+    /// Takes note of a linearisation.
+    fn next(&mut self, slip: f64, stiffness: f64) {
+        *self = Self { slip, stiffness, force: self.stiffness * slip };
+    }
+}
+
 /// What friction contributes.
 struct Friction {
     energy: f64,
@@ -285,4 +318,10 @@ fn rub(slip: DVec3, limit: f64, creep: f64) -> Friction {
     };
     // The quadratic that touches the potential from above: a step never overshoots.
     Friction { energy, force: slip * -weight, stiffness: weight }
+}
+
+/// Friction that holds, in search of where it does: as stiff as below `creep` m, at any slip.
+fn stuck(slip: DVec3, limit: f64, creep: f64) -> Friction {
+    let stiffness = limit / creep;
+    Friction { force: slip * -stiffness, stiffness, ..rub(slip, limit, creep) }
 }

@@ -258,7 +258,8 @@ impl Contacts {
 
     /// Their force, N.
     pub fn force(&self) -> DVec3 {
-        let of = |contact: &Contact| (contact.normal * contact.force + contact.rubbing) * contact.outer_part();
+        let of =
+            |contact: &Contact| (contact.normal * contact.force + contact.rubbing) * contact.outer_part();
         self.held_from_outside().map(of).sum()
     }
 
