@@ -1,4 +1,4 @@
-//! Which entities have begun and ceased to touch, for those who ask.
+//! Which entities have begun and ceased to touch: messages and triggered events.
 
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;

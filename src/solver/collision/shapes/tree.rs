@@ -3,7 +3,7 @@
 //! Each node has four children, whose boxes lie side by side so that all four are tested by the same vector
 //! instructions. It is built by halving along the longest axis, so that its depth is bounded and it is the same on
 //! every run. What it finds is all that overlaps, or the nearest of all: the order in which it looks changes nothing
-//! for those who take the smallest index of what is equally near.
+//! as long as the smallest index is taken of what is equally near.
 
 use bevy::math::{DVec3, Vec3};
 
