@@ -1,14 +1,17 @@
-//! Ropes and cloths against colliders: between their particles, too; capstans; stiff cloth on a ball.
+//! Ropes and cloths against colliders: between their particles, too; stiff cloth on a ball.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::math::{Quat, Vec3};
-use bevy_mass_spring::solver::{
-    Bend, Collider, Integrator, Material, Pose, Shape, Solver, Spring, StepSettings, SubstepMode,
-};
+use bevy_mass_spring::solver::{Bend, Collider, Integrator, Pose, Shape, Solver, Spring};
 
-use crate::colliders::sphere_mesh;
 use crate::common::bodies::{GRAVITY, falling, position, positions, velocities, velocity};
+use crate::common::colliding::{Cloth, deepest_of_rope, rope};
+use crate::common::shapes::{sphere_mesh, with};
+
+fn placed(shape: Shape, point: Vec3, rotation: Quat, friction: f32) -> Collider {
+    with(Collider::resting(shape, Pose { point, rotation }), 0.0, friction)
+}
 
 /// A coarse rope falls across a pole that is far thinner than its links are long, at the middle of a link.
 #[test]
@@ -56,7 +59,8 @@ fn hang_over_poles(is_tried: fn(&str, f32) -> bool) {
                 let mut state = Solver::default();
                 let collider = placed(shape.clone(), Vec3::ZERO, across, 0.3);
                 state.add_collider(collider.clone());
-                let rope = rope(&mut state, Vec3::new(-0.45, 0.15, 0.0), 9, 0.9, radius, 500.0);
+                let ends = [-0.45, 0.45].map(|x| Vec3::new(x, 0.15, 0.0));
+                let rope = rope(&mut state, ends, 9, (0.01, radius), 500.0);
                 let settings = falling(scheme, 8);
                 for tick in 0..90 {
                     state.step(&settings);
@@ -66,7 +70,7 @@ fn hang_over_poles(is_tried: fn(&str, f32) -> bool) {
                     let highest = rope.iter().map(|slot| place(slot).y).fold(f32::NEG_INFINITY, f32::max);
                     assert!(rope.iter().all(|slot| place(slot).is_finite()), "{case}");
                     assert!(tick > 60 || highest > -0.03, "{case}: its highest particle is at {highest} m");
-                    let depth = deepest(&state, &rope, &collider, radius);
+                    let depth = deepest_of_rope(&state, &rope, &collider, radius);
                     assert!(depth < 2e-3, "{case}: {depth} m deep");
                 }
             }
@@ -196,7 +200,8 @@ fn a_stiff_cloth_settles_on_the_mesh_of_a_ball() {
 fn settle_on(name: &str, shape: Shape) {
     let mut state = Solver::default();
     state.add_collider(placed(shape, Vec3::ZERO, Quat::IDENTITY, 0.4));
-    cloth(&mut state, 16, 0.8, 0.45, 0.01, 1e6);
+    let cloth = Cloth { cells: 16, size: 0.8, radius: 0.01, stiffness: 1e6, areal_density: 0.2 };
+    cloth.add(&mut state, Vec3::new(-0.4, 0.45, -0.4), [Vec3::X, Vec3::Z]);
     let settings = falling(Integrator::ImplicitEuler, 1);
     let mut energy = state.measure(settings.gravity).total_energy();
     let start = energy;
