@@ -1,5 +1,6 @@
 //! The results of a few scenes, to the bit.
 
+use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 
 use crate::common::{self, *};

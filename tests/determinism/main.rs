@@ -8,6 +8,7 @@ mod scenes;
 mod threads;
 
 use bevy::prelude::*;
+use bevy_mass_spring::prelude::*;
 use common::*;
 use scenes::scene;
 

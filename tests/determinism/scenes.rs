@@ -5,7 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use bevy::prelude::*;
 use bevy_mass_spring::nets::{Balloon, Cloth, Rope, Topology};
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{Collider, PairRules, Solver, StepSettings};
+use bevy_mass_spring::solver::{Collider, Material, PairRules, Pose, Shape, Solver, StepSettings};
 
 use crate::common::{self, *};
 
@@ -149,5 +149,89 @@ pub fn sleeping_pile() -> Vec<u64> {
         }
     }
     assert!(solver.asleep_count() < most, "nothing was woken");
+    hashes
+}
+
+/// Ticks by each scheme among colliders.
+pub const COLLIDER_TICKS: u32 = 8;
+
+/// Loose balls, so many that their search is shared, which fall onto hills of triangles and solids of every kind, one of
+/// which moves and one turns; some are fast enough to be swept; and a cloth with so many faces that theirs is shared, too.
+fn among_colliders() -> Solver {
+    let mut solver = Solver::default();
+    for ball in 0..4900_u16 {
+        let place = Vec3::new(f32::from(ball % 70), 0.0, f32::from(ball / 70)) * 0.21 - Vec3::new(7.3, -1.1, 7.3);
+        let speed = if ball % 50 == 0 { 300.0 } else { 1.0 + f32::from(ball % 7) };
+        solver.add_particle(place, Vec3::NEG_Y * speed, 0.1, 0.05).unwrap();
+    }
+    let cloth =
+        common::colliding::Cloth { cells: 50, size: 2.0, radius: 0.01, stiffness: 50.0, areal_density: 1.0 };
+    cloth.add(&mut solver, Vec3::new(-1.0, 2.52, -1.0), [Vec3::X, Vec3::Z]);
+    let corner = |row: u16, column: u16| {
+        let height = 0.04 * f32::from((row * 7 + column * 5) % 11);
+        Vec3::new(f32::from(column) - 8.0, height, f32::from(row) - 8.0)
+    };
+    let corners: Vec<Vec3> =
+        (0..17).flat_map(|row| (0..17).map(move |column| corner(row, column))).collect();
+    let cells = (0..16_u32).flat_map(|row| (0..16_u32).map(move |column| row * 17 + column));
+    let triangles: Vec<[u32; 3]> =
+        cells.flat_map(|first| [[first, first + 17, first + 1], [first + 1, first + 17, first + 18]]).collect();
+    let hills = Shape::mesh(&corners, &triangles, true).unwrap();
+    let material = Material { restitution: 0.2, friction: 0.4, ..Material::default() };
+    let mut add = |shape: Shape, point: Vec3| {
+        let pose = Pose { point, rotation: Quat::IDENTITY };
+        solver.add_collider(Collider { material, ..Collider::resting(shape, pose) })
+    };
+    add(hills, Vec3::ZERO);
+    add(Shape::ball(0.5), Vec3::Y * 2.0);
+    for (number, (_, shape, _)) in common::shapes::shapes().into_iter().enumerate() {
+        add(shape, Vec3::new(1.5 * number as f32 - 6.0, 0.5, 4.0));
+    }
+    let paddle = add(Shape::cuboid(Vec3::new(3.0, 0.02, 1.0)), Vec3::new(0.0, 0.8, -4.0));
+    let drum = add(Shape::frustum([0.5, 0.5], 2.0), Vec3::new(4.0, 0.6, 0.0));
+    let colliders = &mut solver.inputs_mut().colliders;
+    colliders[paddle].target.point.y += 0.1;
+    colliders[drum].target.rotation = Quat::from_rotation_z(0.2);
+    solver
+}
+
+/// The states of that after each tick, by schemes that share their work; and of a small cloth on a ball by the others.
+pub fn histories_among_colliders() -> Vec<u64> {
+    let mut hashes = Vec::new();
+    let settings = StepSettings {
+        substeps: SubstepMode::Fixed(4),
+        gravity: Vec3::NEG_Y * 9.81,
+        pair_rules: Some(PairRules { restitution: 0.2, friction: 0.3 }),
+        ..StepSettings::default()
+    };
+    let mut run = |mut solver: Solver, integrator: Integrator| {
+        for _ in 0..COLLIDER_TICKS {
+            solver.step(&StepSettings { integrator, ..settings });
+            let mut hasher = DefaultHasher::new();
+            common::bodies::solver_bits(&solver).hash(&mut hasher);
+            hashes.push(hasher.finish());
+        }
+        assert!(solver.outputs().contact_count > 0, "{integrator}: nothing touches");
+    };
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet, Integrator::Xpbd] {
+        run(among_colliders(), integrator);
+    }
+    for integrator in [Integrator::ImplicitEuler, Integrator::TrBdf2] {
+        let mut solver = Solver::default();
+        let cloth = common::colliding::Cloth {
+            cells: 8,
+            size: 0.8,
+            radius: 0.01,
+            stiffness: 1e4,
+            areal_density: 0.2,
+        };
+        cloth.add(&mut solver, Vec3::new(-0.4, 0.42, -0.4), [Vec3::X, Vec3::Z]);
+        solver.add_collider(common::shapes::with(
+            common::shapes::resting(Shape::ball(0.4), Vec3::ZERO),
+            0.0,
+            0.4,
+        ));
+        run(solver, integrator);
+    }
     hashes
 }

@@ -9,7 +9,10 @@ use bevy::tasks::ComputeTaskPool;
 use bevy_mass_spring::prelude::*;
 
 use crate::common::{self, *};
-use crate::scenes::{SLEEP_TICKS, dense_pile, large_scene, nets_in_wind, scene, sleeping_pile};
+use crate::scenes::{
+    COLLIDER_TICKS, SLEEP_TICKS, dense_pile, histories_among_colliders, large_scene, nets_in_wind, scene,
+    sleeping_pile,
+};
 use crate::{assert_same, history, history_of};
 
 const LARGE_TICKS: u32 = 60;
@@ -97,6 +100,14 @@ fn child_prints_its_history() {
     sleeping_pile().into_iter().for_each(|hash| println!("hash {hash}"));
 }
 
+/// Not a test but the child process of another one: colliders of every shape.
+#[test]
+#[ignore = "run by the_number_of_threads_does_not_matter_among_colliders"]
+fn child_prints_the_history_among_colliders() {
+    let Some(_app) = app_on_threads() else { return };
+    histories_among_colliders().into_iter().for_each(|hash| println!("hash {hash}"));
+}
+
 fn history_on(threads: usize, name: &str) -> Vec<u64> {
     let child = Command::new(std::env::current_exe().expect("the path of the test binary is available"))
         .args(["--exact", name, "--ignored", "--nocapture"])
@@ -120,7 +131,7 @@ fn history_on(threads: usize, name: &str) -> Vec<u64> {
 
 #[test]
 fn the_number_of_threads_does_not_matter() {
-    let name = "child_prints_its_history";
+    let name = "threads::child_prints_its_history";
     let one = history_on(1, name);
     assert_eq!(one.len(), (LARGE_TICKS + 3 * OTHER_TICKS + SLEEP_TICKS / 10) as usize + 1);
     for threads in [2, 3, 8] {
@@ -130,9 +141,20 @@ fn the_number_of_threads_does_not_matter() {
 
 #[test]
 fn the_number_of_threads_does_not_matter_to_nets() {
-    let name = "child_prints_the_history_of_nets";
+    let name = "threads::child_prints_the_history_of_nets";
     let one = history_on(1, name);
     assert_eq!(one.len(), Integrator::named().count() * NET_TICKS as usize);
+    assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
+    for threads in [2, 3, 8] {
+        assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
+    }
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter_among_colliders() {
+    let name = "threads::child_prints_the_history_among_colliders";
+    let one = history_on(1, name);
+    assert_eq!(one.len(), 5 * COLLIDER_TICKS as usize);
     assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));

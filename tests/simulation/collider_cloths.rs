@@ -39,7 +39,7 @@ fn explore(cells: usize, seconds: f32, scheme: Integrator, substeps: SubstepMode
         let cloth = Cloth { cells, size: 0.9, radius: RADIUS, stiffness: 100.0, areal_density: 0.2 };
         let corner = Vec3::new(-0.45, 0.33, -0.45);
         let triangles = cloth.add(&mut state, corner, [Vec3::X, Vec3::Z]);
-        let settings = StepSettings { substeps, viscosity: 2e-4 * 256.0 / (cells * cells) as f32, ..falling(scheme, 4) };
+        let settings = StepSettings { substeps, viscosity: 5.0 * 0.2 * (0.9 / cells as f32).powi(2), ..falling(scheme, 4) };
         let mut worst = f64::NEG_INFINITY;
         let ticks = (60.0 * seconds) as u32;
         let mut before = positions(&state);

@@ -1,9 +1,10 @@
 //! Shots at colliders of every shape, thin ones too: nothing passes through.
 
-use bevy::math::{Quat, Vec3};
+use bevy::math::{DVec3, Quat, Vec3};
 use bevy_mass_spring::solver::{Collider, Integrator, Pose, Shape, Solver, StepSettings};
 
 use crate::common::bodies::{floating, position, velocity};
+use crate::common::colliding::{Cloth, rope};
 use crate::common::shapes::{sphere_mesh, tetrahedron};
 
 /// A rough sequence of numbers from 0 to 1, the same on every machine.
@@ -103,4 +104,118 @@ fn nothing_passes_through_any_shape_at_any_speed() {
         }
     }
     assert!(shots >= 10_000, "{shots}");
+}
+
+/// What is thin or pointed, as it is; and smaller, so that what passes through that has passed through it, however it touched.
+fn thin_shapes() -> Vec<(&'static str, Shape, Shape)> {
+    let mesh = |radius: f32| {
+        let (vertices, triangles) = sphere_mesh(radius, 12);
+        Shape::mesh(&vertices, &triangles, false).unwrap()
+    };
+    vec![
+        ("ball", Shape::ball(0.2), Shape::ball(0.19)),
+        ("capsule", Shape::capsule(0.05, 0.6), Shape::capsule(0.045, 0.6)),
+        ("wall", Shape::cuboid(Vec3::new(1.0, 1.0, 0.001)), Shape::cuboid(Vec3::new(0.999, 0.999, 0.0005))),
+        ("disc", Shape::frustum([1.0, 1.0], 0.001), Shape::frustum([0.999, 0.999], 0.0005)),
+        ("cone", Shape::frustum([0.8, 0.0], 0.4), Shape::frustum([0.75, 0.0], 0.35)),
+        ("mesh", mesh(0.5), mesh(0.48)),
+        ("tetrahedron", tetrahedron(0.6), tetrahedron(0.57)),
+    ]
+}
+
+/// A net that is shot: its slots, its edges and its faces.
+struct Shot {
+    state: Solver,
+    /// Corners and weights of the points that are looked at: of all edges and faces.
+    points: Vec<([usize; 3], [f32; 3])>,
+}
+
+impl Shot {
+    fn new(is_cloth: bool, centre: Vec3, way: Vec3, numbers: &mut Numbers) -> Self {
+        let turn = Quat::from_axis_angle(numbers.direction(), 6.0 * numbers.next());
+        let mut state = Solver::default();
+        let mut points = Vec::new();
+        if is_cloth {
+            let cloth = Cloth { cells: 3, size: 0.24, radius: NET_RADIUS, stiffness: 100.0, areal_density: 1.5 };
+            let corner = centre + turn * Vec3::new(-0.12, 0.0, -0.12);
+            for corners in cloth.add(&mut state, corner, [turn * Vec3::X, turn * Vec3::Z]) {
+                for (one, other) in (0..=4_u8).flat_map(|one| (0..=4 - one).map(move |other| (one, other))) {
+                    let [v, w] = [one, other].map(|part| 0.25 * f32::from(part));
+                    points.push((corners, [1.0 - v - w, v, w]));
+                }
+            }
+        } else {
+            let ends = [-0.2, 0.2].map(|x| centre + turn * Vec3::X * x);
+            for link in rope(&mut state, ends, 5, (0.01, NET_RADIUS), 100.0).windows(2) {
+                let weights = (0..=4_u8).map(|part| 0.25 * f32::from(part));
+                points.extend(weights.map(|part| ([link[0], link[1], link[1]], [1.0 - part, part, 0.0])));
+            }
+        }
+        (0..state.particle_count()).for_each(|slot| state.set_velocity(slot, way));
+        Self { state, points }
+    }
+
+    fn places(&self) -> Vec<DVec3> {
+        let place = |(corners, weights): &([usize; 3], [f32; 3])| {
+            let each = corners.iter().zip(weights);
+            each.map(|(corner, weight)| self.state.position(*corner).as_dvec3() * f64::from(*weight)).sum()
+        };
+        self.points.iter().map(place).collect()
+    }
+}
+
+const NET_RADIUS: f32 = 0.01;
+
+#[test]
+#[ignore]
+fn explore_net_shots() {
+    let mut numbers = Numbers(11);
+    for (name, shape, core) in thin_shapes() {
+        for scheme in [
+            Integrator::SemiImplicitEuler,
+            Integrator::VelocityVerlet,
+            Integrator::Xpbd,
+            Integrator::ImplicitEuler,
+        ] {
+            for is_cloth in [false, true] {
+                let mut bins = [[0; 4]; 4];
+                for _ in 0..160 {
+                    let direction = numbers.direction();
+                    let part = numbers.next();
+                    let speed = 10.0 * bevy::math::ops::powf(100.0, part);
+                    let bin = (4.0 * part) as usize;
+                    let target = 0.1 * numbers.direction();
+                    let turn = Quat::from_axis_angle(numbers.direction(), 6.0 * numbers.next());
+                    let mut shot =
+                        Shot::new(is_cloth, target - direction * 2.0, direction * speed, &mut numbers);
+                    let pose = Pose { point: Vec3::ZERO, rotation: turn };
+                    shot.state.add_collider(Collider::resting(shape.clone(), pose));
+                    let settings =
+                        StepSettings { pair_rules: None, time_step: 1.0 / 480.0, ..floating(scheme, 0.0) };
+                    let ticks = 6 + (4.0 * 480.0 / speed) as u32;
+                    let inverse = turn.as_dquat().inverse();
+                    let (mut is_through, mut is_deep) = (false, false);
+                    let mut last = 0.0_f64;
+                    for _ in 0..ticks {
+                        let before = shot.places();
+                        shot.state.step(&settings);
+                        last = 0.0;
+                        for (from, to) in before.iter().zip(shot.places()) {
+                            let (from, to) = (inverse * *from, inverse * to);
+                            is_through |= core.cast(from, to, 0.0).is_some();
+                            let depth = shape.depth(to, NET_RADIUS);
+                            last = last.max(depth);
+                            is_deep |= depth > 0.01 * f64::from(NET_RADIUS) + 2e-5;
+                        }
+                        if is_through { break; }
+                    }
+                    bins[bin][0] += 1;
+                    bins[bin][1] += u32::from(is_through);
+                    bins[bin][2] += u32::from(is_deep);
+                    bins[bin][3] += u32::from(last > 1.2e-4);
+                }
+                println!("{name} {scheme:?} cloth {is_cloth}: {bins:?}");
+            }
+        }
+    }
 }

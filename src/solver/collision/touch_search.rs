@@ -113,13 +113,30 @@ impl Touches {
         let count = search.particles.len();
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(count.div_ceil(size), Part::default);
-        let parts = self.parts.iter_mut().zip((0..count).step_by(size));
-        parallel::for_each(parts, count >= MIN_SHARED, |(part, start)| {
+        let Self { all, sensed, parts } = self;
+        let mut collect = |part: &mut Part| {
+            all.append(&mut part.touches);
+            sensed.append(&mut part.sensed);
+        };
+        let is_shared = parallel::is_shared(count >= MIN_SHARED);
+        let starts = (0..count).step_by(size);
+        if is_shared {
+            parallel::for_each(parts.iter_mut().zip(starts), true, |(part, start)| {
+                part.find(search, start..count.min(start + size));
+            });
+            parts.iter_mut().for_each(collect);
+            return;
+        }
+        // One buffer for all of them, which so stays in the first caches.
+        let mut buffer = parts.first_mut().map(|part| std::mem::take(&mut part.touches)).unwrap_or_default();
+        for (part, start) in parts.iter_mut().zip(starts) {
+            std::mem::swap(&mut buffer, &mut part.touches);
             part.find(search, start..count.min(start + size));
-        });
-        for part in &mut self.parts {
-            self.all.append(&mut part.touches);
-            self.sensed.append(&mut part.sensed);
+            collect(part);
+            std::mem::swap(&mut buffer, &mut part.touches);
+        }
+        if let Some(part) = parts.first_mut() {
+            part.touches = buffer;
         }
     }
 
@@ -288,12 +305,12 @@ impl Search<'_> {
     ) -> Option<Meeting> {
         let kept = SWEPT_WAY * radius;
         let is_slow = start.distance_squared(end) < kept * kept;
+        if is_slow && self.placed.moving().next().is_none() {
+            return None;
+        }
         let mut first: Option<(f64, Meeting)> = None;
         for place in places {
             let moment = &self.placed.moments[place];
-            if is_slow && moment.is_at_rest() {
-                continue;
-            }
             let (from, to) = (moment.from.to_local(start), moment.to.to_local(end));
             if from.distance_squared(to) <= kept * kept {
                 continue;

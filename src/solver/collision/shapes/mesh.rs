@@ -214,6 +214,11 @@ impl Mesh {
         Some(Crossing { time, foot: from.lerp(to, time), normal: if is_front { face } else { -face } })
     }
 
+    /// Whether any triangle may overlap these bounds.
+    pub fn any_overlapping(&self, bounds: &Bounds) -> bool {
+        self.tree.any_overlapping(bounds)
+    }
+
     /// Calls `visit` with number and corners of each triangle that may overlap these bounds, in no order.
     pub fn overlapping(&self, bounds: &Bounds, mut visit: impl FnMut(u32, [DVec3; 3])) {
         self.tree.overlapping(bounds, |item| visit(item, self.corners[item as usize]));
@@ -235,6 +240,7 @@ impl Best {
         Self { square: f64::INFINITY, item: u32::MAX, foot: DVec3::ZERO, feature: Feature::Face };
 
     /// Of what is equally near the first one counts.
+    #[inline]
     fn try_triangle(&mut self, point: DVec3, corners: [DVec3; 3], item: u32) {
         let (foot, feature) = triangle::nearest_point(point, corners);
         let square = foot.distance_squared(point);

@@ -62,6 +62,10 @@ impl Bounds {
         (self.low - other.high).max(other.low - self.high).max(Vec3::ZERO).length()
     }
 
+    pub fn contains_point(&self, point: Vec3) -> bool {
+        self.low.cmple(point).all() && point.cmple(self.high).all()
+    }
+
     pub fn contains(&self, other: &Self) -> bool {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
@@ -149,6 +153,30 @@ impl Tree {
                 }
             }
         }
+    }
+
+    /// Whether the box of any leaf may overlap these bounds.
+    pub fn any_overlapping(&self, bounds: &Bounds) -> bool {
+        let (mut pending, mut count) = ([0_u32; MAX_PENDING], usize::from(!self.nodes.is_empty()));
+        while count > 0 {
+            count -= 1;
+            let node = &self.nodes[pending[count] as usize];
+            for place in 0..WIDTH {
+                let mut overlap = node.children[place] != NONE;
+                for axis in 0..3 {
+                    overlap &= node.low[axis][place] <= bounds.high[axis];
+                    overlap &= bounds.low[axis] <= node.high[axis][place];
+                }
+                let child = node.children[place];
+                if overlap && child & LEAF == 0 {
+                    pending[count] = child;
+                    count += 1;
+                } else if overlap {
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     /// Finds what is nearest to `point`, within the square of a distance, m². `visit` has the square of the distance of
