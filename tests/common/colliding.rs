@@ -3,12 +3,10 @@
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{Collider, Solver, Spring};
 
-/// The damping of a spring between particles of `mass` kg, as a part of √(k m).
-const DAMPING: f32 = 0.02;
-
-fn spring(state: &Solver, ends: [usize; 2], stiffness: f32, mass: f32) -> Spring {
+/// A spring between particles of `mass` kg, with a `damping` that is given as a part of √(k m).
+fn spring(state: &Solver, ends: [usize; 2], stiffness: f32, (mass, damping): (f32, f32)) -> Spring {
     let [from, to] = ends.map(|end| state.position(end));
-    let damping = DAMPING * (stiffness * mass).sqrt();
+    let damping = damping * (stiffness * mass).sqrt();
     Spring { rest_length: from.distance(to), stiffness, damping, ..Spring::default() }
 }
 
@@ -21,12 +19,11 @@ pub fn rope(
     stiffness: f32,
 ) -> Vec<usize> {
     let place = |link: usize| from.lerp(to, link as f32 / links as f32);
-    let slots: Vec<usize> = (0..=links)
-        .map(|link| state.add_particle(place(link), Vec3::ZERO, mass, radius).unwrap())
-        .collect();
+    let slots: Vec<usize> =
+        (0..=links).map(|link| state.add_particle(place(link), Vec3::ZERO, mass, radius).unwrap()).collect();
     for ends in slots.windows(2) {
         let ends = [ends[0], ends[1]];
-        state.add_spring(ends, spring(state, ends, stiffness, mass)).unwrap();
+        state.add_spring(ends, spring(state, ends, stiffness, (mass, 0.02))).unwrap();
         state.add_collision_edge(ends).unwrap();
     }
     slots
@@ -44,12 +41,14 @@ pub struct Cloth {
     pub stiffness: f32,
     /// kg/m².
     pub areal_density: f32,
+    /// Of a spring, as a part of √(k m) of it and one particle.
+    pub damping: f32,
 }
 
 impl Cloth {
     /// Adds it, from a corner on along two unit vectors; its triangles.
     pub fn add(self, state: &mut Solver, corner: Vec3, [along, across]: [Vec3; 2]) -> Vec<[usize; 3]> {
-        let Self { cells, size, radius, stiffness, areal_density } = self;
+        let Self { cells, size, radius, stiffness, areal_density, damping } = self;
         let step = size / cells as f32;
         let mass = areal_density * step * step;
         let first = state.particle_count();
@@ -59,7 +58,7 @@ impl Cloth {
             state.add_particle(place, Vec3::ZERO, mass, radius).unwrap();
         }
         let mut join = |ends: [usize; 2], stiffness: f32| {
-            let spring = spring(state, ends, stiffness, mass);
+            let spring = spring(state, ends, stiffness, (mass, damping));
             state.add_spring(ends, spring).unwrap();
         };
         for (j, i) in (0..=cells).flat_map(|j| (0..=cells).map(move |i| (j, i))) {
@@ -74,9 +73,8 @@ impl Cloth {
                 join([at(i + 1, j), at(i, j + 1)], 0.3 * stiffness);
             }
         }
-        let cell = |(i, j)| {
-            [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]]
-        };
+        let cell =
+            |(i, j)| [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]];
         let triangles: Vec<[usize; 3]> =
             (0..cells).flat_map(|j| (0..cells).map(move |i| (i, j))).flat_map(cell).collect();
         state.add_collision_triangles(&triangles, &[]).unwrap();

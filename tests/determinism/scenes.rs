@@ -160,22 +160,29 @@ pub const COLLIDER_TICKS: u32 = 8;
 fn among_colliders() -> Solver {
     let mut solver = Solver::default();
     for ball in 0..4900_u16 {
-        let place = Vec3::new(f32::from(ball % 70), 0.0, f32::from(ball / 70)) * 0.21 - Vec3::new(7.3, -1.1, 7.3);
+        let place =
+            Vec3::new(f32::from(ball % 70), 0.0, f32::from(ball / 70)) * 0.21 - Vec3::new(7.3, -1.1, 7.3);
         let speed = if ball % 50 == 0 { 300.0 } else { 1.0 + f32::from(ball % 7) };
         solver.add_particle(place, Vec3::NEG_Y * speed, 0.1, 0.05).unwrap();
     }
-    let cloth =
-        common::colliding::Cloth { cells: 50, size: 2.0, radius: 0.01, stiffness: 50.0, areal_density: 1.0 };
+    let cloth = common::colliding::Cloth {
+        cells: 50,
+        size: 2.0,
+        radius: 0.01,
+        stiffness: 50.0,
+        areal_density: 1.0,
+        damping: 0.02,
+    };
     cloth.add(&mut solver, Vec3::new(-1.0, 2.52, -1.0), [Vec3::X, Vec3::Z]);
     let corner = |row: u16, column: u16| {
         let height = 0.04 * f32::from((row * 7 + column * 5) % 11);
         Vec3::new(f32::from(column) - 8.0, height, f32::from(row) - 8.0)
     };
-    let corners: Vec<Vec3> =
-        (0..17).flat_map(|row| (0..17).map(move |column| corner(row, column))).collect();
+    let corners: Vec<Vec3> = (0..17).flat_map(|row| (0..17).map(move |column| corner(row, column))).collect();
     let cells = (0..16_u32).flat_map(|row| (0..16_u32).map(move |column| row * 17 + column));
-    let triangles: Vec<[u32; 3]> =
-        cells.flat_map(|first| [[first, first + 17, first + 1], [first + 1, first + 17, first + 18]]).collect();
+    let triangles: Vec<[u32; 3]> = cells
+        .flat_map(|first| [[first, first + 17, first + 1], [first + 1, first + 17, first + 18]])
+        .collect();
     let hills = Shape::mesh(&corners, &triangles, true).unwrap();
     let material = Material { restitution: 0.2, friction: 0.4, ..Material::default() };
     let mut add = |shape: Shape, point: Vec3| {
@@ -224,6 +231,7 @@ pub fn histories_among_colliders() -> Vec<u64> {
             radius: 0.01,
             stiffness: 1e4,
             areal_density: 0.2,
+            damping: 0.02,
         };
         cloth.add(&mut solver, Vec3::new(-0.4, 0.42, -0.4), [Vec3::X, Vec3::Z]);
         solver.add_collider(common::shapes::with(

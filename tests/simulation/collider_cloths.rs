@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_PI_2;
 use bevy::math::{Quat, Vec3};
 use bevy_mass_spring::solver::{Collider, Integrator, Pose, Shape, Solver, StepSettings, SubstepMode};
 
-use crate::common::bodies::{falling, positions, velocities};
+use crate::common::bodies::{falling, positions};
 use crate::common::colliding::{Cloth, deepest_of_faces};
 use crate::common::shapes::{sphere_mesh, with};
 
@@ -31,48 +31,68 @@ fn colliders() -> Vec<(&'static str, Collider)> {
         .to_vec()
 }
 
-fn explore(cells: usize, seconds: f32, scheme: Integrator, substeps: SubstepMode) {
-    for (name, collider) in colliders() {
-        let clock = std::time::Instant::now();
-        let mut state = Solver::default();
-        state.add_collider(collider.clone());
-        let cloth = Cloth { cells, size: 0.9, radius: RADIUS, stiffness: 100.0, areal_density: 0.2 };
-        let corner = Vec3::new(-0.45, 0.33, -0.45);
-        let triangles = cloth.add(&mut state, corner, [Vec3::X, Vec3::Z]);
-        let settings = StepSettings { substeps, viscosity: 5.0 * 0.2 * (0.9 / cells as f32).powi(2), ..falling(scheme, 4) };
-        let mut worst = f64::NEG_INFINITY;
-        let ticks = (60.0 * seconds) as u32;
-        let mut before = positions(&state);
-        for tick in 0..ticks {
-            if tick + 30 == ticks {
-                before = positions(&state);
-            }
-            state.step(&settings);
-            if tick % 5 == 4 {
-                let d = deepest_of_faces(&state, &triangles, &collider, RADIUS, 4);
-                if d > worst { worst = d; println!("   tick {tick}: {:.4} mm", d * 1e3); }
-            }
+/// Lets a cloth of 0.9 m × 0.9 m fall onto a collider, of 0.2 kg/m² and in air or water that brings it to rest within 0.2 s,
+/// by `substeps` of a scheme; looks in every fifth tick how deep the points of its faces, edges and particles are.
+///
+/// No more than 1 % of its thickness and 0.1 mm. After 5 s nothing of it moves by 1 mm within half a second.
+fn lies(
+    (name, collider): &(&str, Collider),
+    (cells, seconds): (usize, f32),
+    (integrator, substeps): (Integrator, SubstepMode),
+) {
+    let mut state = Solver::default();
+    state.add_collider(collider.clone());
+    let cloth =
+        Cloth { cells, size: 0.9, radius: RADIUS, stiffness: 100.0, areal_density: 0.2, damping: 0.2 };
+    let triangles = cloth.add(&mut state, Vec3::new(-0.45, 0.33, -0.45), [Vec3::X, Vec3::Z]);
+    let viscosity = 5.0 / state.inverse_mass(0);
+    let settings = StepSettings { substeps, viscosity, ..falling(integrator, 1) };
+    let allowed = 0.01 * f64::from(2.0 * RADIUS) + 1e-4;
+    let ticks = (60.0 * seconds) as u32;
+    let mut before = positions(&state);
+    for tick in 0..ticks {
+        if tick + 30 == ticks {
+            before = positions(&state);
         }
-        let moved = positions(&state).iter().zip(&before).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
-        let fastest = velocities(&state).iter().map(|velocity| velocity.length()).fold(0.0, f32::max);
-        let low = positions(&state).iter().map(|p| p.y).fold(f32::INFINITY, f32::min);
-        println!(
-            "{scheme:?} {substeps:?} {cells} {name}: worst {:.4} mm, moved {:.4} mm, fastest {:.4} mm/s, lowest {low}, {:?}, {:?}",
-            worst * 1e3, moved * 1e3, fastest * 1e3, clock.elapsed(), state.plan(&settings)
-        );
+        state.step(&settings);
+        if tick % 5 == 4 {
+            let deepest = deepest_of_faces(&state, &triangles, collider, RADIUS, 4);
+            let case = format!("{name}, {cells}², {integrator:?}, tick {tick}");
+            assert!(deepest < allowed, "{case}: {deepest} m deep");
+        }
+    }
+    let places = positions(&state);
+    assert!(places.iter().all(|place| place.is_finite()), "{name}");
+    let touches = deepest_of_faces(&state, &triangles, collider, RADIUS, 4) > -1e-3;
+    assert!(touches, "{name}: it lies on it");
+    if seconds >= 5.0 {
+        let moved = places.iter().zip(&before).map(|(one, other)| one.distance(*other)).fold(0.0, f32::max);
+        assert!(moved < 1e-3, "{name}, {cells}², {integrator:?}: {moved} m in half a second");
     }
 }
 
 #[test]
-#[ignore]
-fn explore_cloth() {
-    let cells = std::env::var("CELLS").unwrap().parse().unwrap();
-    let seconds = std::env::var("SECONDS").unwrap().parse().unwrap();
-    match std::env::var("SCHEME").unwrap().as_str() {
-        "auto" => explore(cells, seconds, Integrator::Auto, SubstepMode::Auto),
-        "sie" => explore(cells, seconds, Integrator::SemiImplicitEuler, SubstepMode::Auto),
-        "xpbd" => explore(cells, seconds, Integrator::Xpbd, SubstepMode::Fixed(16)),
-        "ie" => explore(cells, seconds, Integrator::ImplicitEuler, SubstepMode::Fixed(1)),
-        _ => explore(cells, seconds, Integrator::ImplicitEuler, SubstepMode::Fixed(4)),
+fn a_cloth_lies_on_every_shape() {
+    for collider in colliders() {
+        match collider.0 {
+            // Its faces against 5,000 triangles take ten times as long.
+            "mesh" => lies(&collider, (8, 1.0), (Integrator::SemiImplicitEuler, SubstepMode::Fixed(12))),
+            _ => lies(&collider, (16, 5.0), (Integrator::SemiImplicitEuler, SubstepMode::Auto)),
+        }
+    }
+}
+
+#[test]
+fn a_cloth_lies_on_solids_by_position_based_dynamics() {
+    for collider in colliders().iter().filter(|(name, _)| *name != "mesh") {
+        lies(collider, (12, 2.0), (Integrator::Xpbd, SubstepMode::Fixed(12)));
+    }
+}
+
+#[test]
+#[ignore = "takes minutes: cargo test --release --test simulation -- --ignored a_cloth_of_64"]
+fn a_cloth_of_64_by_64_cells_lies_on_every_shape() {
+    for collider in colliders() {
+        lies(&collider, (64, 5.0), (Integrator::SemiImplicitEuler, SubstepMode::Auto));
     }
 }

@@ -200,7 +200,8 @@ fn a_stiff_cloth_settles_on_the_mesh_of_a_ball() {
 fn settle_on(name: &str, shape: Shape) {
     let mut state = Solver::default();
     state.add_collider(placed(shape, Vec3::ZERO, Quat::IDENTITY, 0.4));
-    let cloth = Cloth { cells: 16, size: 0.8, radius: 0.01, stiffness: 1e6, areal_density: 0.2 };
+    let cloth =
+        Cloth { cells: 16, size: 0.8, radius: 0.01, stiffness: 1e6, areal_density: 0.2, damping: 0.02 };
     cloth.add(&mut state, Vec3::new(-0.4, 0.45, -0.4), [Vec3::X, Vec3::Z]);
     let settings = falling(Integrator::ImplicitEuler, 1);
     let mut energy = state.measure(settings.gravity).total_energy();

@@ -66,7 +66,10 @@ fn a_thousand_impacts_in_a_row_hand_on_momentum_and_energy() {
             let lost = (momentum - Vec3::X * SPEED).length();
             assert!(lost < 1e-5 * SPEED, "{scheme:?}, tick {tick}: {lost} kg·m/s");
             let kept = energy(&state) / start;
-            assert!((kept - 1.0).abs() < 0.01, "{scheme:?}, tick {tick}: the energy is {kept} of what it was");
+            assert!(
+                (kept - 1.0).abs() < 0.01,
+                "{scheme:?}, tick {tick}: the energy is {kept} of what it was"
+            );
         }
         // Nothing is left behind.
         let last = velocity(&state, IMPACTS).x;

@@ -206,7 +206,12 @@ impl Part {
         let start = previous.get(slot).as_dvec3();
         let solid = || candidates().filter(|place| !collider(*place).is_sensor);
         let swept = search.first_meeting(solid(), [start, end], radius).map(|first| {
-            search.sweep(first, |position| search.first_meeting(solid(), [start, position], radius), [start, end], radius)
+            search.sweep(
+                first,
+                |position| search.first_meeting(solid(), [start, position], radius),
+                [start, end],
+                radius,
+            )
         });
         let position = swept.map_or(end, |(_, position)| position);
         if position != end {

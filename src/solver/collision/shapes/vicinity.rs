@@ -120,8 +120,11 @@ mod tests {
         for step in 0..20_000_u32 {
             let time = f64::from(step) * 1e-3;
             let turn = |speed: f64| bevy::math::ops::sin((speed * time) as f32);
-            let point =
-                DVec3::new(f64::from(turn(0.7)) * 1.4, f64::from(turn(1.1)) * 2.4, f64::from(turn(1.3)) * 3.4);
+            let point = DVec3::new(
+                f64::from(turn(0.7)) * 1.4,
+                f64::from(turn(1.1)) * 2.4,
+                f64::from(turn(1.3)) * 3.4,
+            );
             let before = vicinity.place;
             let found = vicinity.nearest(&mesh, point, 0.1, || 0.05);
             let expected = mesh.nearest(point, 0.0);
