@@ -12,6 +12,9 @@ use crate::common::shapes::{sphere_mesh, with};
 /// Of the particles, m: the cloth is twice as thick.
 const RADIUS: f32 = 0.01;
 
+/// How far what is at rest moves in half a second, m.
+const AT_REST: f32 = 1e-3;
+
 fn colliders() -> Vec<(&'static str, Collider)> {
     let (vertices, triangles) = sphere_mesh(0.3, 36);
     assert!(triangles.len() > 5000);
@@ -34,12 +37,12 @@ fn colliders() -> Vec<(&'static str, Collider)> {
 /// Lets a cloth of 0.9 m × 0.9 m fall onto a collider, of 0.2 kg/m² and in air or water that brings it to rest within 0.2 s,
 /// by `substeps` of a scheme; looks in every fifth tick how deep the points of its faces, edges and particles are.
 ///
-/// No more than 1 % of its thickness and 0.1 mm. After 5 s nothing of it moves by 1 mm within half a second.
+/// No more than 1 % of its thickness and 0.1 mm. How far any particle has moved in the last half second, m.
 fn lies(
     (name, collider): &(&str, Collider),
     (cells, seconds): (usize, f32),
     (integrator, substeps): (Integrator, SubstepMode),
-) {
+) -> f32 {
     let mut state = Solver::default();
     state.add_collider(collider.clone());
     let cloth =
@@ -65,10 +68,7 @@ fn lies(
     assert!(places.iter().all(|place| place.is_finite()), "{name}");
     let touches = deepest_of_faces(&state, &triangles, collider, RADIUS, 4) > -1e-3;
     assert!(touches, "{name}: it lies on it");
-    if seconds >= 5.0 {
-        let moved = places.iter().zip(&before).map(|(one, other)| one.distance(*other)).fold(0.0, f32::max);
-        assert!(moved < 1e-3, "{name}, {cells}², {integrator:?}: {moved} m in half a second");
-    }
+    places.iter().zip(&before).map(|(one, other)| one.distance(*other)).fold(0.0, f32::max)
 }
 
 #[test]
@@ -76,8 +76,11 @@ fn a_cloth_lies_on_every_shape() {
     for collider in colliders() {
         match collider.0 {
             // Its faces against 5,000 triangles take ten times as long.
-            "mesh" => lies(&collider, (8, 1.0), (Integrator::SemiImplicitEuler, SubstepMode::Fixed(12))),
-            _ => lies(&collider, (16, 5.0), (Integrator::SemiImplicitEuler, SubstepMode::Auto)),
+            "mesh" => _ = lies(&collider, (8, 1.0), (Integrator::SemiImplicitEuler, SubstepMode::Fixed(12))),
+            name => {
+                let moved = lies(&collider, (16, 5.0), (Integrator::SemiImplicitEuler, SubstepMode::Auto));
+                assert!(moved < AT_REST, "{name}: {moved} m in half a second");
+            }
         }
     }
 }
@@ -90,9 +93,12 @@ fn a_cloth_lies_on_solids_by_position_based_dynamics() {
 }
 
 #[test]
-#[ignore = "takes minutes: cargo test --release --test simulation -- --ignored a_cloth_of_64"]
+#[ignore = "takes ten minutes in release; on the sphere and the cuboid its folds still move by 2 to 8 mm/s after 5 s"]
 fn a_cloth_of_64_by_64_cells_lies_on_every_shape() {
+    let mut moved = Vec::new();
     for collider in colliders() {
-        lies(&collider, (64, 5.0), (Integrator::SemiImplicitEuler, SubstepMode::Auto));
+        let scheme = (Integrator::SemiImplicitEuler, SubstepMode::Auto);
+        moved.push((collider.0, lies(&collider, (64, 5.0), scheme)));
     }
+    assert!(moved.iter().all(|(_, moved)| *moved < AT_REST), "{moved:?}");
 }

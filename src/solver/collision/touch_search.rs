@@ -92,6 +92,8 @@ struct Meeting {
     normal: DVec3,
     /// How deep it would have come, m.
     depth: f64,
+    /// The part of the substep after that.
+    left: f64,
 }
 
 /// How far a coordinate of this size may be off by rounding, m.
@@ -207,7 +209,7 @@ impl Part {
         let solid = || candidates().filter(|place| !collider(*place).is_sensor);
         let swept = search.first_meeting(solid(), [start, end], radius).map(|first| {
             search.sweep(
-                first,
+                (slot, first),
                 |position| search.first_meeting(solid(), [start, position], radius),
                 [start, end],
                 radius,
@@ -227,7 +229,11 @@ impl Part {
             let depth = radius - nearest.distance;
             if depth >= -rounding(position, radius, foot) {
                 let depth = depth.max(0.0);
-                self.touches.push(search.touch(slot, Meeting { place, foot, normal, depth }, position));
+                self.touches.push(search.touch(
+                    slot,
+                    Meeting { place, foot, normal, depth, left: 0.0 },
+                    position,
+                ));
             }
         }
     }
@@ -282,7 +288,7 @@ impl Search<'_> {
     /// where that is.
     fn sweep(
         &self,
-        first: Meeting,
+        (slot, first): (usize, Meeting),
         mut next: impl FnMut(DVec3) -> Option<Meeting>,
         [start, end]: [DVec3; 2],
         radius: f64,
@@ -294,11 +300,26 @@ impl Search<'_> {
             let Some(met) = found else { return (meetings, position) };
             *meeting = Some(met);
             let kept = SWEPT_WAY * radius + rounding(position, radius, met.foot);
-            position += met.normal * (kept - (position - met.foot).dot(met.normal));
+            let pushed = kept - (position - met.foot).dot(met.normal);
+            position += met.normal * pushed;
+            position -= self.undone_slip(slot, met, position, pushed);
             found = next(position);
         }
         // Caught between surfaces: it stays where it was.
         (meetings, start)
+    }
+
+    /// How much of the slip since the meeting static friction undoes, of a particle that was pushed back by `pushed` m, m.
+    fn undone_slip(&self, slot: usize, met: Meeting, position: DVec3, pushed: f64) -> DVec3 {
+        let collider = &self.colliders[self.placed.numbers[met.place] as usize];
+        let [_, friction] = collider.material.between(skin_of(self.skins, slot).material);
+        if friction == 0.0 {
+            return DVec3::ZERO;
+        }
+        let carried = self.placed.moments[met.place].sliding(collider) * f64::from(self.rebound.substep);
+        let apart = position - met.foot - carried * met.left;
+        let slip = apart - met.normal * apart.dot(met.normal);
+        slip.clamp_length_max(f64::from(friction) * pushed.max(0.0))
     }
 
     /// The first of these colliders that a particle meets on its way, if it is so fast that it is to be swept.
@@ -326,7 +347,7 @@ impl Search<'_> {
                 let (foot, normal) =
                     (moment.to.to_world(touch.foot), moment.to.direction(shape, touch.normal));
                 let depth = (radius - (end - foot).dot(normal)).max(0.0);
-                first = Some((touch.time, Meeting { place, foot, normal, depth }));
+                first = Some((touch.time, Meeting { place, foot, normal, depth, left: 1.0 - touch.time }));
             }
         }
         first.map(|(_, meeting)| meeting)
@@ -334,7 +355,7 @@ impl Search<'_> {
 
     /// The contact of a particle that is at `position` with a plane that it has met.
     fn touch(&self, slot: usize, meeting: Meeting, position: DVec3) -> Touch {
-        let Meeting { place, foot, normal, depth } = meeting;
+        let Meeting { place, foot, normal, depth, .. } = meeting;
         let number = self.placed.numbers[place];
         let collider = &self.colliders[number as usize];
         let surface_velocity = self.placed.moments[place].velocity_at(collider, foot);
