@@ -10,8 +10,7 @@ use crate::sync::{Scope, relocate};
 /// easing draws the way in between. Positions are moved as exactly as the solver knows them, which is finer than a
 /// `Transform` far from the origin.
 ///
-/// The next tick recognises by itself, without this command, when somebody has moved the `Transform`s (or those of
-/// parents) of
+/// The next tick recognises by itself, without this command, a motion of the `Transform`s (or those of parents) of
 /// - all free particles of a net by the same translation or rotation, together with at least one pinned particle of
 ///   it, if there are any; other pinned particles may move by themselves at the same time;
 /// - all particles there are (a floating origin): then planes that went along are teleported, too.

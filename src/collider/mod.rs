@@ -34,7 +34,7 @@ pub use shape::{ColliderPart, ColliderShape};
 /// # }
 /// ```
 ///
-/// Whoever moves its `Transform` (or that of a parent) moves it: within the tick it goes there evenly, and particles feel
+/// Moving its `Transform` (or that of a parent) moves it: within the tick it goes there evenly, and particles feel
 /// the velocity of its surface: a platform carries, a paddle hits, a turning drum rubs. The scale counts where the
 /// result is a shape of the same kind: any of boxes, hulls and meshes, a uniform one of spheres; others are left out of
 /// the simulation with a warning that names the entity. A half-space has no scale.

@@ -10,6 +10,15 @@ use bevy::tasks::ComputeTaskPool;
 /// millisecond.
 const MAX_SPINS: u32 = 5000;
 
+/// Whether [`for_each`] uses several threads.
+pub(crate) fn is_shared(parallel: bool) -> bool {
+    pool(parallel).is_some()
+}
+
+fn pool(parallel: bool) -> Option<&'static ComputeTaskPool> {
+    ComputeTaskPool::try_get().filter(|pool| parallel && pool.thread_num() > 1)
+}
+
 /// Calls `work` for every part. With `parallel`, on all threads of Bevy's [`ComputeTaskPool`].
 ///
 /// The parts must not depend on each other nor on the number of threads: then neither does the result.
@@ -21,8 +30,7 @@ pub(crate) fn for_each<Part: Send>(
     parallel: bool,
     work: impl Fn(Part) + Sync,
 ) {
-    let pool = ComputeTaskPool::try_get().filter(|pool| parallel && pool.thread_num() > 1);
-    let Some(pool) = pool else {
+    let Some(pool) = pool(parallel) else {
         return parts.for_each(work);
     };
     let most = parts.size_hint().1.unwrap_or(usize::MAX);

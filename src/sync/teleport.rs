@@ -1,7 +1,7 @@
 //! Teleports: what was moved as a whole between two ticks did not move, it is elsewhere.
 //!
-//! A pinned particle that is moved drags along what hangs from it. But where somebody has moved all that hangs
-//! from it, too, and alike, this is no motion: each by itself, a root above them all, or everything there is (a
+//! A pinned particle that is moved drags along what hangs from it. But where all that hangs from it was
+//! moved, too, and alike, this is no motion: each by itself, a root above them all, or everything there is (a
 //! floating origin). Then nothing changes but the place. The solver's own positions and velocities are moved, which
 //! are finer than what the `Transform`s say, so that strains stay what they were to the last bits.
 
@@ -16,7 +16,7 @@ use super::rigid::RigidMotion;
 use super::state::MassSpringState;
 use super::view::View;
 
-/// How exactly a motion is one of all, as a part of the coordinates: those who compute it round a few times.
+/// How exactly a motion is one of all, as a part of the coordinates: its computation rounds a few times.
 const TOLERANCE: f64 = 16.0 * f32::EPSILON as f64;
 
 /// A free particle that was moved since the last tick.
@@ -148,8 +148,8 @@ impl Teleports {
         Self { slots, origin: view.origin.as_dvec3(), pairs: Vec::new() }
     }
 
-    /// The motion by which somebody has moved the particles in these slots as a whole: all of them, or the free ones
-    /// and some of the pinned, while the others move by themselves.
+    /// The motion by which the particles in these slots were moved as a whole: all of them, or the free ones and some
+    /// of the pinned, while the others move by themselves.
     fn motion_of(&mut self, slots: &[u32]) -> Option<RigidMotion> {
         let places = || slots.iter().map(|slot| &self.slots[*slot as usize]);
         let free = || places().filter(|place| place.kind == Kind::Free);

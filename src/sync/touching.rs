@@ -1,4 +1,4 @@
-//! Which entities have begun and ceased to touch, for those who ask.
+//! Which entities have begun and ceased to touch: messages and triggered events.
 
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -12,7 +12,7 @@ use super::colliders::GatheredColliders;
 use super::registry::Slot;
 use super::state::MassSpringState;
 
-/// Who asks.
+/// Where messages or events of this are asked for.
 #[derive(SystemParam)]
 pub(super) struct Requests<'w, 's> {
     started: Option<Res<'w, Messages<ContactStarted>>>,
@@ -21,7 +21,7 @@ pub(super) struct Requests<'w, 's> {
 }
 
 impl Requests<'_, '_> {
-    /// Whether anybody does.
+    /// Whether they are anywhere.
     pub fn any(&self) -> bool {
         self.started.is_some() || self.ended.is_some() || !self.marked.is_empty()
     }

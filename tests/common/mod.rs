@@ -3,9 +3,11 @@
 
 pub mod backward_euler;
 pub mod bodies;
+pub mod colliding;
 pub mod crossings;
 pub mod logged;
 pub mod reference;
+pub mod shapes;
 pub mod sleep;
 
 use bevy::app::{Plugins, TaskPoolOptions, TaskPoolPlugin};

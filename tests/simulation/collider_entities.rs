@@ -1,4 +1,4 @@
-//! `ParticleCollider` in an app: where it is, how it moves, whom it meets, who is told.
+//! `ParticleCollider` in an app: where it is, how it moves, what it meets, which messages tell of it.
 
 use bevy::ecs::system::RunSystemOnce;
 use bevy::prelude::*;

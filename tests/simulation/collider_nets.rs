@@ -1,56 +1,16 @@
-//! Ropes and cloths against colliders: between their particles, too; capstans; stiff cloth on a ball.
+//! Ropes and cloths against colliders: between their particles, too; stiff cloth on a ball.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::math::{Quat, Vec3};
-use bevy_mass_spring::solver::{
-    Bend, Collider, Integrator, Material, Pose, Shape, Solver, Spring, StepSettings, SubstepMode,
-};
+use bevy_mass_spring::solver::{Bend, Collider, Integrator, Pose, Shape, Solver, Spring};
 
-use crate::colliders::sphere_mesh;
 use crate::common::bodies::{GRAVITY, falling, position, positions, velocities, velocity};
+use crate::common::colliding::{Cloth, deepest_of_rope, rope};
+use crate::common::shapes::{sphere_mesh, with};
 
 fn placed(shape: Shape, point: Vec3, rotation: Quat, friction: f32) -> Collider {
-    let material = Material { friction, ..Material::default() };
-    Collider { material, ..Collider::resting(shape, Pose { point, rotation }) }
-}
-
-/// A rope along x from `from`, of links that collide along their length.
-fn rope(
-    state: &mut Solver,
-    from: Vec3,
-    links: usize,
-    length: f32,
-    radius: f32,
-    stiffness: f32,
-) -> Vec<usize> {
-    let step = length / links as f32;
-    let mass = 0.01;
-    let add = |state: &mut Solver, link: usize| {
-        state.add_particle(from + Vec3::X * (step * link as f32), Vec3::ZERO, mass, radius).unwrap()
-    };
-    let particles: Vec<usize> = (0..=links).map(|link| add(state, link)).collect();
-    for ends in particles.windows(2) {
-        let damping = 0.02 * (stiffness * mass).sqrt();
-        let spring = Spring { rest_length: step, stiffness, damping, ..Spring::default() };
-        state.add_spring([ends[0], ends[1]], spring).unwrap();
-        state.add_collision_edge([ends[0], ends[1]]).unwrap();
-    }
-    particles
-}
-
-/// The point of a rope that is deepest in a shape, m.
-fn deepest(state: &Solver, particles: &[usize], collider: &Collider, radius: f32) -> f64 {
-    let mut deepest = f64::NEG_INFINITY;
-    for ends in particles.windows(2) {
-        for part in 0..=20_u8 {
-            let place = position(state, ends[0]).lerp(position(state, ends[1]), f32::from(part) / 20.0);
-            let turn = collider.target.rotation.as_dquat().inverse();
-            let local = turn * (place.as_dvec3() - collider.target.point.as_dvec3());
-            deepest = deepest.max(collider.shape.depth(local, radius));
-        }
-    }
-    deepest
+    with(Collider::resting(shape, Pose { point, rotation }), 0.0, friction)
 }
 
 /// A coarse rope falls across a pole that is far thinner than its links are long, at the middle of a link.
@@ -99,7 +59,8 @@ fn hang_over_poles(is_tried: fn(&str, f32) -> bool) {
                 let mut state = Solver::default();
                 let collider = placed(shape.clone(), Vec3::ZERO, across, 0.3);
                 state.add_collider(collider.clone());
-                let rope = rope(&mut state, Vec3::new(-0.45, 0.15, 0.0), 9, 0.9, radius, 500.0);
+                let ends = [-0.45, 0.45].map(|x| Vec3::new(x, 0.15, 0.0));
+                let rope = rope(&mut state, ends, 9, (0.01, radius), 500.0);
                 let settings = falling(scheme, 8);
                 for tick in 0..90 {
                     state.step(&settings);
@@ -109,7 +70,7 @@ fn hang_over_poles(is_tried: fn(&str, f32) -> bool) {
                     let highest = rope.iter().map(|slot| place(slot).y).fold(f32::NEG_INFINITY, f32::max);
                     assert!(rope.iter().all(|slot| place(slot).is_finite()), "{case}");
                     assert!(tick > 60 || highest > -0.03, "{case}: its highest particle is at {highest} m");
-                    let depth = deepest(&state, &rope, &collider, radius);
+                    let depth = deepest_of_rope(&state, &rope, &collider, radius);
                     assert!(depth < 2e-3, "{case}: {depth} m deep");
                 }
             }
@@ -223,106 +184,6 @@ fn a_corner_does_not_pierce_a_cloth() {
     }
 }
 
-/// A rope over a fixed cylinder, a load at each end: it holds below e^(μθ) and slips above (Euler 1769, Eytelwein 1808).
-#[test]
-fn a_rope_over_a_cylinder_slips_at_the_capstan_ratio() {
-    for scheme in [Integrator::ImplicitEuler, Integrator::TrBdf2] {
-        for (ratio_of_bound, slips) in [(0.95, false), (1.05, true)] {
-            let friction = 0.3;
-            let radius = 0.5;
-            let drum = Shape::frustum([radius, radius], 1.0);
-            let mut state = Solver::default();
-            let across = Quat::from_rotation_x(FRAC_PI_2);
-            state.add_collider(placed(drum, Vec3::ZERO, across, friction));
-            // Half a turn of 160 links, and 20 hanging on either side.
-            let (wrapped, hanging) = (160, 20);
-            let step = PI * radius / wrapped as f32;
-            let mass = 1e-4;
-            let stiffness = 2e5;
-            let mut particles = Vec::new();
-            for link in 0..=wrapped + 2 * hanging {
-                let along = (link as f32 - hanging as f32) * step;
-                let place = if along < 0.0 {
-                    Vec3::new(-radius, along, 0.0)
-                } else if along > PI * radius {
-                    Vec3::new(radius, PI * radius - along, 0.0)
-                } else {
-                    let (sin, cos) = bevy::math::ops::sin_cos(along / radius);
-                    Vec3::new(-radius * cos, radius * sin, 0.0)
-                };
-                particles.push(state.add_particle(place, Vec3::ZERO, mass, 0.0).unwrap());
-            }
-            let loads = [1.0, bevy::math::ops::exp(friction * PI) * ratio_of_bound];
-            let ends = [particles[0], particles[particles.len() - 1]];
-            for (end, load) in ends.into_iter().zip(loads) {
-                let place = position(&state, end) - Vec3::Y * step;
-                let weight = state.add_particle(place, Vec3::ZERO, load, 0.0).unwrap();
-                let spring = Spring { rest_length: step, stiffness, damping: 5.0, ..Spring::default() };
-                state.add_spring([end, weight], spring).unwrap();
-            }
-            for ends in particles.windows(2) {
-                let spring = Spring { rest_length: step, stiffness, damping: 0.05, ..Spring::default() };
-                state.add_spring([ends[0], ends[1]], spring).unwrap();
-            }
-            let settings = falling(scheme, 8);
-            for _ in 0..30 {
-                state.step(&settings);
-            }
-            let loads = [particles.len(), particles.len() + 1];
-            let start = position(&state, loads[1]);
-            for _ in 0..60 {
-                state.step(&settings);
-            }
-            let fallen = start.y - position(&state, loads[1]).y;
-            // Above the bound it falls at a = g (T2 − T1 e^(μπ)) / (m2 + m1 e^(μπ)) or so.
-            match slips {
-                true => assert!(fallen > 0.05, "{scheme:?}: {fallen} m"),
-                false => assert!(fallen < 0.02, "{scheme:?}: {fallen} m"),
-            }
-        }
-    }
-}
-
-/// A cloth of n² cells of 5 cm, joined to its neighbours and along diagonals, that collides as triangles.
-fn cloth(state: &mut Solver, cells: usize, size: f32, height: f32, radius: f32, stiffness: f32) {
-    let step = size / cells as f32;
-    let mass = 0.2 * step * step;
-    let start = state.particle_count();
-    let at = |i: usize, j: usize| start + j * (cells + 1) + i;
-    for j in 0..=cells {
-        for i in 0..=cells {
-            let place = Vec3::new(i as f32 * step - 0.5 * size, height, j as f32 * step - 0.5 * size);
-            state.add_particle(place, Vec3::ZERO, mass, radius).unwrap();
-        }
-    }
-    let mut join = |one: usize, other: usize, stiffness: f32| {
-        let rest_length = position(state, one).distance(position(state, other));
-        let damping = 0.02 * (stiffness * mass).sqrt();
-        state
-            .add_spring([one, other], Spring { rest_length, stiffness, damping, ..Spring::default() })
-            .unwrap();
-    };
-    for j in 0..=cells {
-        for i in 0..=cells {
-            if i < cells {
-                join(at(i, j), at(i + 1, j), stiffness);
-            }
-            if j < cells {
-                join(at(i, j), at(i, j + 1), stiffness);
-            }
-            if i < cells && j < cells {
-                join(at(i, j), at(i + 1, j + 1), 0.3 * stiffness);
-                join(at(i + 1, j), at(i, j + 1), 0.3 * stiffness);
-            }
-        }
-    }
-    let cell =
-        |(i, j)| [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]];
-    let triangles: Vec<[usize; 3]> =
-        (0..cells).flat_map(|j| (0..cells).map(move |i| (i, j))).flat_map(cell).collect();
-    state.add_collision_triangles(&triangles, &[]).unwrap();
-}
-
 /// k = 1e6 N/m at one substep a tick: it neither pops nor sticks nor gains energy.
 #[test]
 fn a_stiff_cloth_settles_on_a_ball() {
@@ -339,7 +200,9 @@ fn a_stiff_cloth_settles_on_the_mesh_of_a_ball() {
 fn settle_on(name: &str, shape: Shape) {
     let mut state = Solver::default();
     state.add_collider(placed(shape, Vec3::ZERO, Quat::IDENTITY, 0.4));
-    cloth(&mut state, 16, 0.8, 0.45, 0.01, 1e6);
+    let cloth =
+        Cloth { cells: 16, size: 0.8, radius: 0.01, stiffness: 1e6, areal_density: 0.2, damping: 0.02 };
+    cloth.add(&mut state, Vec3::new(-0.4, 0.45, -0.4), [Vec3::X, Vec3::Z]);
     let settings = falling(Integrator::ImplicitEuler, 1);
     let mut energy = state.measure(settings.gravity).total_energy();
     let start = energy;
@@ -358,41 +221,4 @@ fn settle_on(name: &str, shape: Shape) {
     assert!((-2e-3..2e-3).contains(&least), "{name}: {least} m");
     let middle = position(&state, 17 * 8 + 8);
     assert!(middle.with_y(0.0).length() < 0.05 && (0.40..0.45).contains(&middle.y), "{name}: {middle}");
-}
-
-/// Whatever a cloth of 16² falls on, it is never far inside, and comes to rest.
-#[test]
-fn a_cloth_lies_on_every_shape() {
-    let (vertices, triangles) = sphere_mesh(0.3, 36);
-    let shapes = [
-        ("sphere", Shape::ball(0.3)),
-        ("capsule", Shape::capsule(0.1, 0.3)),
-        ("cuboid", Shape::cuboid(Vec3::new(0.25, 0.2, 0.15))),
-        ("cone", Shape::frustum([0.3, 0.0], 0.25)),
-        ("mesh", Shape::mesh(&vertices, &triangles, false).unwrap()),
-    ];
-    for (name, shape) in shapes {
-        let turn = if name == "capsule" { Quat::from_rotation_z(FRAC_PI_2) } else { Quat::IDENTITY };
-        let collider = placed(shape, Vec3::ZERO, turn, 0.6);
-        let mut state = Solver::default();
-        state.add_collider(collider.clone());
-        let radius = 0.01;
-        cloth(&mut state, 16, 0.9, 0.33, radius, 100.0);
-        let settings = StepSettings { substeps: SubstepMode::Auto, ..falling(Integrator::Auto, 4) };
-        let settings = StepSettings { viscosity: 2e-4, ..settings };
-        let mut worst = f64::NEG_INFINITY;
-        for _ in 0..150 {
-            state.step(&settings);
-            for place in positions(&state) {
-                let turn = collider.target.rotation.as_dquat().inverse();
-                worst = worst.max(collider.shape.depth(turn * place.as_dvec3(), radius));
-            }
-        }
-        let fastest = velocities(&state).iter().map(|velocity| velocity.length()).fold(0.0, f32::max);
-        println!("{name}: worst depth {worst} m, fastest at the end {fastest} m/s");
-        assert!(worst < 0.01 * f64::from(2.0 * radius) + 1e-4, "{name}: {worst} m deep");
-        let lowest = positions(&state).iter().map(|place| place.y).fold(f32::INFINITY, f32::min);
-        assert!(lowest > -2.0 || name == "cone", "{name}: it hangs on it, its lowest point at {lowest}");
-        let _ = GRAVITY;
-    }
 }

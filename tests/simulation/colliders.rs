@@ -1,4 +1,4 @@
-//! Colliders of every shape: single impacts, slopes, shots, motion; in the pure solver, under every scheme.
+//! Colliders of every shape: single impacts, slopes, motion; in the pure solver, under every scheme.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -11,88 +11,12 @@ use bevy_mass_spring::solver::{
 use crate::common::bodies::{
     Ball, GRAVITY, falling, floating, position, solver_bits, step_past_contact, velocity, world,
 };
-
-/// The tetrahedron of these half extents, closed.
-fn tetrahedron(size: f32) -> Shape {
-    let corners = [
-        Vec3::new(1.0, 1.0, 1.0),
-        Vec3::new(-1.0, -1.0, 1.0),
-        Vec3::new(-1.0, 1.0, -1.0),
-        Vec3::new(1.0, -1.0, -1.0),
-    ];
-    let vertices = corners.map(|corner| corner * size);
-    Shape::mesh(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], false).unwrap()
-}
-
-/// The sphere of radius 1 m as a mesh: `rings` × 2 `rings` cells.
-pub fn sphere_mesh(radius: f32, rings: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let columns = 2 * rings;
-    let mut vertices = vec![Vec3::Y * radius, Vec3::NEG_Y * radius];
-    for ring in 1..rings {
-        let (sin, cos) = bevy::math::ops::sin_cos(std::f32::consts::PI * ring as f32 / rings as f32);
-        for column in 0..columns {
-            let (s, c) = bevy::math::ops::sin_cos(std::f32::consts::TAU * column as f32 / columns as f32);
-            vertices.push(Vec3::new(sin * c, cos, sin * s) * radius);
-        }
-    }
-    let at = |ring: u32, column: u32| 2 + (ring - 1) * columns + column % columns;
-    let mut triangles = Vec::new();
-    for column in 0..columns {
-        triangles.push([0, at(1, column + 1), at(1, column)]);
-        triangles.push([1, at(rings - 1, column), at(rings - 1, column + 1)]);
-        for ring in 1..rings - 1 {
-            let [a, b] = [at(ring, column), at(ring, column + 1)];
-            let [c, d] = [at(ring + 1, column), at(ring + 1, column + 1)];
-            triangles.extend([[a, b, c], [b, d, c]]);
-        }
-    }
-    (vertices, triangles)
-}
-
-/// Every shape, with a name, its top at y = `top` above its centre there, flat or round.
-fn shapes() -> Vec<(&'static str, Shape, f32)> {
-    let (vertices, triangles) = sphere_mesh(0.5, 16);
-    let cube = [Vec3::ONE, -Vec3::ONE].map(|sign| sign * 0.5);
-    let cube = (0..8).map(|bits| Vec3::from_array([0, 1, 2].map(|axis| cube[bits >> axis & 1][axis])));
-    let grid = Shape::mesh(
-        &[
-            Vec3::new(-1.0, 0.0, -1.0),
-            Vec3::new(-1.0, 0.0, 1.0),
-            Vec3::new(1.0, 0.0, -1.0),
-            Vec3::new(1.0, 0.0, 1.0),
-        ],
-        &[[0, 1, 2], [2, 1, 3]],
-        false,
-    );
-    vec![
-        ("ball", Shape::ball(0.5), 0.5),
-        ("capsule", Shape::capsule(0.2, 0.3), 0.5),
-        ("box", Shape::cuboid(Vec3::new(0.7, 0.5, 0.4)), 0.5),
-        ("cylinder", Shape::frustum([0.4, 0.4], 0.5), 0.5),
-        ("frustum", Shape::frustum([0.5, 0.3], 0.25), 0.25),
-        ("mesh", Shape::mesh(&vertices, &triangles, false).unwrap(), 0.5),
-        ("hull", Shape::convex_hull(&cube.collect::<Vec<Vec3>>()).unwrap(), 0.5),
-        ("sheet", grid.unwrap(), 0.0),
-        (
-            "compound",
-            Shape::compound([(Vec3::Y * 0.25, Quat::IDENTITY, Shape::cuboid(Vec3::splat(0.25)))]),
-            0.5,
-        ),
-    ]
-}
+use crate::common::shapes::{resting, shapes, with};
 
 fn run(state: &mut Solver, settings: &StepSettings, ticks: std::ops::Range<u32>) {
     for _ in ticks {
         state.step(settings);
     }
-}
-
-fn resting(shape: Shape, point: Vec3) -> Collider {
-    Collider::resting(shape, Pose { point, rotation: Quat::IDENTITY })
-}
-
-fn with(collider: Collider, restitution: f32, friction: f32) -> Collider {
-    Collider { material: Material { restitution, friction, ..Material::default() }, ..collider }
 }
 
 /// v' = −ε v along the normal of the place that it falls on, at no acceleration: what the formula says, to roundings.
@@ -172,105 +96,6 @@ fn a_ball_on_the_side_of_a_box_holds_or_slides() {
             );
         }
     }
-}
-
-/// A rough sequence of numbers from 0 to 1, the same on every machine.
-struct Numbers(u32);
-
-impl Numbers {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (self.0 >> 8) as f32 / 16_777_216.0
-    }
-
-    fn direction(&mut self) -> Vec3 {
-        loop {
-            let place = Vec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0;
-            if (0.01..1.0).contains(&place.length_squared()) {
-                return place.normalize();
-            }
-        }
-    }
-}
-
-/// Thin ones too: 10,000 shots in all of balls and points at 10 to 1,000 m/s. None is through (on the far side while it
-/// flew at the middle), none inside a tick later by more than 1 % of its radius.
-#[test]
-fn nothing_passes_through_any_shape_at_any_speed() {
-    let (vertices, triangles) = sphere_mesh(0.5, 12);
-    let closed = Shape::mesh(&vertices, &triangles, false).unwrap();
-    let thin: Vec<(&str, Shape)> = vec![
-        ("ball", Shape::ball(0.2)),
-        ("capsule", Shape::capsule(0.05, 0.6)),
-        ("wall", Shape::cuboid(Vec3::new(1.0, 1.0, 0.001))),
-        ("disc", Shape::frustum([1.0, 1.0], 0.001)),
-        ("cone", Shape::frustum([0.8, 0.0], 0.4)),
-        ("mesh", closed),
-        ("tetrahedron", tetrahedron(0.6)),
-    ];
-    let schemes = [
-        Integrator::SemiImplicitEuler,
-        Integrator::ImplicitEuler,
-        Integrator::Xpbd,
-        Integrator::VelocityVerlet,
-    ];
-    let mut numbers = Numbers(7);
-    let mut shots = 0;
-    for (name, shape) in &thin {
-        for scheme in schemes {
-            for radius in [0.0, 0.002, 0.05] {
-                let count = 120;
-                let mut state = Solver::default();
-                let mut aims = Vec::new();
-                for shot in 0..count {
-                    let direction = numbers.direction();
-                    let speed = 10.0 * bevy::math::ops::powf(100.0, numbers.next());
-                    // Each at a place of its own, at a copy of the shape.
-                    let centre = Vec3::new(5.0 * (shot % 12) as f32, 5.0 * (shot / 12) as f32, 0.0) - 25.0;
-                    let turn = Quat::from_axis_angle(numbers.direction(), 6.0 * numbers.next());
-                    let target = centre + 0.02 * numbers.direction();
-                    let start = target - direction * 1.7;
-                    state.add_particle(start, direction * speed, 1.0, radius).unwrap();
-                    state.add_collider(Collider::resting(
-                        shape.clone(),
-                        Pose { point: centre, rotation: turn },
-                    ));
-                    aims.push((start, centre, turn, speed));
-                    shots += 1;
-                }
-                let settings = StepSettings { pair_rules: None, ..floating(scheme, 0.0) };
-                for tick in 0..12 {
-                    state.step(&settings);
-                    for (slot, (start, centre, turn, speed)) in aims.iter().enumerate() {
-                        let place = position(&state, slot);
-                        let case = format!(
-                            "{name}, {scheme:?}, radius {radius}, shot {slot} at {speed} m/s, tick {tick}"
-                        );
-                        assert!(place.is_finite(), "{case}");
-                        let local = turn.as_dquat().inverse() * (place - *centre).as_dvec3();
-                        let depth = shape.depth(local, radius) as f32;
-                        assert!(depth < 0.01 * radius + 2e-5, "{case}: {depth} m deep");
-                        let _ = start;
-                    }
-                }
-                for (slot, (start, centre, turn, speed)) in aims.iter().enumerate() {
-                    // Having met it, it has lost what led into it: it never comes out straight on at full speed.
-                    let way = (*centre - *start).normalize();
-                    // Along a thin wall or disc it may pass beside it.
-                    let along = (turn.inverse() * way).abs();
-                    if (*name == "wall" && along.z < 0.1) || (*name == "disc" && along.y < 0.1) {
-                        continue;
-                    }
-                    let kept = velocity(&state, slot).dot(way) / speed;
-                    assert!(
-                        kept < 0.999,
-                        "{name}, {scheme:?}, radius {radius}, shot {slot}: kept {kept} of {speed} m/s"
-                    );
-                }
-            }
-        }
-    }
-    assert!(shots >= 10_000, "{shots}");
 }
 
 /// In its frame the impact is the usual one: v' = (1 + ε) V.
@@ -382,26 +207,4 @@ fn what_is_far_changes_no_bit() {
         solver_bits(&state)
     };
     assert_eq!(bits_with(0), bits_with(300));
-}
-
-/// Elastic impacts, 1,000 in a row, between two walls: nothing is gained or lost but roundings.
-#[test]
-fn a_thousand_elastic_impacts_keep_the_energy() {
-    for scheme in
-        [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet, Integrator::RungeKutta4, Integrator::Xpbd]
-    {
-        let mut state = world([Ball { velocity: Vec3::new(9.0, 0.0, 0.0), ..Ball::at(Vec3::ZERO) }]);
-        for side in [-1.0, 1.0] {
-            let wall = resting(Shape::cuboid(Vec3::new(0.1, 1.0, 1.0)), Vec3::X * side * 0.4);
-            state.add_collider(with(wall, 1.0, 0.0));
-        }
-        state.outputs_mut().record_contacts = true;
-        let mut impacts = 0;
-        while impacts < 1000 {
-            state.step(&floating(scheme, 1.0));
-            impacts += state.outputs().contacts.iter().filter(|contact| contact.impulse > 0.0).count();
-        }
-        let speed = velocity(&state, 0).length();
-        assert!((speed - 9.0).abs() < 0.04, "{scheme:?}: {speed} m/s");
-    }
 }

@@ -93,8 +93,16 @@ pub(in crate::solver) struct Moment {
 }
 
 impl Moment {
+    /// Whether it does not move.
+    pub fn is_at_rest(&self) -> bool {
+        self.velocity == DVec3::ZERO && self.angular_velocity == DVec3::ZERO
+    }
+
     /// The velocity of its surface at a point at the end, m/s, that of a conveyor included.
     pub fn velocity_at(&self, collider: &Collider, point: DVec3) -> DVec3 {
+        if self.is_at_rest() && collider.surface_velocity == Vec3::ZERO {
+            return DVec3::ZERO;
+        }
         self.velocity + self.angular_velocity.cross(point - self.to.point) + self.sliding(collider)
     }
 
@@ -112,39 +120,79 @@ pub(in crate::solver) struct Placed {
     /// What bounds each of them during the tick.
     pub bounds: Vec<Bounds>,
     pub moments: Vec<Moment>,
+    /// The numbers of the solid half-spaces.
+    pub planes: Vec<u32>,
     tree: MovingTree,
-    /// Whether any of them moves in the tick.
-    any_motion: bool,
+    /// The places of those that move in the tick.
+    moving: Vec<u32>,
+    /// Of which shape and pose each was in the last tick, if it was at rest.
+    resting: Vec<Option<(Shape, Pose)>>,
 }
 
 impl Placed {
     /// To be called when a tick begins.
     pub fn begin_tick(&mut self, colliders: &[Collider], time_step: f32) {
-        self.numbers.clear();
-        self.bounds.clear();
-        self.moments.clear();
-        self.any_motion = false;
-        let solid = (0..).zip(colliders).filter(|(_, collider)| !collider.is_plane());
-        for (number, collider) in solid {
-            self.numbers.push(number);
-            self.bounds.push(collider.bounds());
-            self.moments.push(collider.between([0.0, 1.0], time_step));
-            self.any_motion |= collider.moves();
+        self.planes.clear();
+        self.moving.clear();
+        let mut place = 0;
+        let mut is_known = true;
+        for (number, collider) in (0..).zip(colliders) {
+            if collider.is_plane() {
+                self.planes.push(number);
+                continue;
+            }
+            if collider.moves() {
+                self.moving.push(place as u32);
+            }
+            let known = self.resting.get(place).is_some_and(|known| {
+                self.numbers[place] == number
+                    && known.as_ref().is_some_and(|(shape, pose)| {
+                        *pose == collider.start && !collider.moves() && shape.is_same(&collider.shape)
+                    })
+            });
+            if !known {
+                is_known = false;
+                self.place(place, number, collider, time_step);
+            }
+            place += 1;
         }
-        self.tree.refresh(&self.bounds);
+        is_known &= place == self.numbers.len();
+        self.numbers.truncate(place);
+        self.bounds.truncate(place);
+        self.moments.truncate(place);
+        self.resting.truncate(place);
+        if !is_known {
+            self.tree.refresh(&self.bounds);
+        }
+    }
+
+    /// Computes what is known of a collider at the start of a tick.
+    fn place(&mut self, place: usize, number: u32, collider: &Collider, time_step: f32) {
+        let (bounds, moment) = (collider.bounds(), collider.between([0.0, 1.0], time_step));
+        let resting = (!collider.moves()).then(|| (collider.shape.clone(), collider.start));
+        if place == self.numbers.len() {
+            self.numbers.push(number);
+            self.bounds.push(bounds);
+            self.moments.push(moment);
+            self.resting.push(resting);
+        } else {
+            self.numbers[place] = number;
+            self.bounds[place] = bounds;
+            self.moments[place] = moment;
+            self.resting[place] = resting;
+        }
     }
 
     /// To be called when a substep between two parts of the tick begins.
     pub fn begin_substep(&mut self, colliders: &[Collider], parts: [f32; 2], time_step: f32) {
-        if !self.any_motion {
-            return;
+        for place in self.moving.iter().map(|place| *place as usize) {
+            self.moments[place] = colliders[self.numbers[place] as usize].between(parts, time_step);
         }
-        for (number, moment) in self.numbers.iter().zip(&mut self.moments) {
-            let collider = &colliders[*number as usize];
-            if collider.moves() {
-                *moment = collider.between(parts, time_step);
-            }
-        }
+    }
+
+    /// The places of those that move in the tick.
+    pub fn moving(&self) -> impl Iterator<Item = usize> {
+        self.moving.iter().map(|place| *place as usize)
     }
 
     /// No point of a surface moves farther in the substep, m.

@@ -127,9 +127,10 @@ impl FeatureSearch {
         }
         self.seen.copy_from(position);
         self.collider_ways.clear();
-        let ways =
-            (0..search.placed.numbers.len()).map(|place| search.placed.longest_way(place, search.colliders));
-        self.collider_ways.extend(ways);
+        self.collider_ways.resize(search.placed.numbers.len(), 0.0);
+        for place in search.placed.moving() {
+            self.collider_ways[place] = search.placed.longest_way(place, search.colliders);
+        }
         longest
     }
 }
@@ -269,7 +270,7 @@ impl Search<'_> {
         Some(Touch {
             slots: feature.corners,
             bodies: [0; 3],
-            count: feature.count,
+            count: feature.count as u32,
             weights,
             shares: [0, 1, 2].map(|end| (f64::from(weights[end]) * inverse[end] / mobility) as f32),
             collider: number,

@@ -153,7 +153,7 @@ impl ContactCaches {
     pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
         self.plane_contacts.iter().for_each(|contact| visit(contact.slot));
         for touch in &self.touches.all {
-            touch.slots[..touch.count].iter().for_each(|slot| visit(*slot as usize));
+            touch.slots[..touch.count as usize].iter().for_each(|slot| visit(*slot as usize));
         }
         let slot_of = &self.candidates.regions.slot_of;
         for group in self.candidates.groups.iter() {
@@ -317,8 +317,8 @@ impl ContactCaches {
         if settings.collide_with_colliders {
             let is_implicit = &self.is_implicit[..];
             let conditions = plane::Conditions { acceleration, rebound, skins, body_of, is_implicit };
-            let planes = colliders.iter().enumerate();
-            for (number, collider) in planes.filter(|(_, collider)| collider.is_plane()) {
+            for number in self.placed.planes.iter().map(|number| *number as usize) {
+                let collider = &colliders[number];
                 let surface = collider.surface(elapsed, settings.time_step);
                 let numbers = [self.surfaces.len(), number];
                 let found = &mut self.plane_contacts;

@@ -82,10 +82,10 @@ impl ContactCaches {
 
 impl Touch {
     fn record(&self, particles: &Particles) -> ContactRecord {
-        let each = self.slots[..self.count].iter().zip(self.weights);
+        let count = self.count as usize;
+        let each = self.slots[..count].iter().zip(self.weights);
         let centre: Vec3 = each.map(|(slot, weight)| particles.position.get(*slot as usize) * weight).sum();
-        let heaviest =
-            (0..self.count).max_by(|one, other| self.weights[*one].total_cmp(&self.weights[*other]));
+        let heaviest = (0..count).max_by(|one, other| self.weights[*one].total_cmp(&self.weights[*other]));
         let normal = Vec3::from(self.normal);
         ContactRecord {
             slot: self.slots[heaviest.unwrap_or(0)] as usize,

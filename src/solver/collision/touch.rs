@@ -21,7 +21,7 @@ pub(super) struct Touch {
     /// The same among the bodies.
     pub bodies: [u32; MAX_POINTS],
     /// The first `count` have a part in it.
-    pub count: usize,
+    pub count: u32,
     pub weights: [f32; MAX_POINTS],
     /// wᵢ/mᵢ / Σ wⱼ²/mⱼ: by how much a particle moves where the point moves by 1.
     pub shares: [f32; MAX_POINTS],
@@ -50,13 +50,13 @@ impl Touch {
         if self.count == 1 {
             return value(&bodies[self.bodies[0] as usize]);
         }
-        let each = self.bodies[..self.count].iter().zip(self.weights);
+        let each = self.bodies[..self.count as usize].iter().zip(self.weights);
         each.map(|(body, weight)| value(&bodies[*body as usize]) * weight).sum()
     }
 
     #[inline]
     fn each<'a>(&'a self, bodies: &'a mut [Body], mut change: impl FnMut(&mut Body, f32)) {
-        for (body, share) in self.bodies[..self.count].iter().zip(self.shares) {
+        for (body, share) in self.bodies[..self.count as usize].iter().zip(self.shares) {
             change(&mut bodies[*body as usize], share);
         }
     }

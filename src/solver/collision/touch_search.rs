@@ -6,16 +6,15 @@
 //! meets the plane that touches the surface where the two first meet on the straight way, however thin the solid is, and
 //! however far beyond it the way leads. It keeps its motion along that plane, as what slides on a half-space does.
 
-use bevy::math::{DVec3, Vec3, Vec3A};
+use bevy::math::{DVec3, Vec3A};
 
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::state::Version;
 
 use super::collider::{Collider, Placed};
 use super::material::{Skin, skin_of};
 use super::response::{Approach, Rebound};
-use super::shapes::{Bounds, Nearest, Shape};
+use super::shapes::{Bounds, Nearest, Vicinity};
 use super::touch::Touch;
 
 /// Number of consecutive particles that are looked for together.
@@ -73,29 +72,15 @@ struct Part {
     moved: Vec<(u32, DVec3)>,
     /// Working memory: what is near a chunk.
     near: Vec<u32>,
-    /// By slot, from the first one of the part: which mesh it was far from when it was last looked at, where in the axes of
-    /// that, and by how much, m. Where it has moved by less than that since, it touches nothing: a cache.
-    clearances: Vec<Clearance>,
+    /// By slot, from the first one of the part: what of a mesh was near it when it was last looked at. A cache.
+    vicinities: Vec<Vicinity>,
 }
 
-/// How far a particle was from a mesh.
-#[derive(Debug, Clone, Copy, Default)]
-struct Clearance {
-    mesh: Version,
-    place: Vec3,
-    distance: f32,
-}
-
-impl Clearance {
-    /// Whether a ball of `radius` m at a place in the axes of the mesh cannot touch it.
-    fn holds(&self, mesh: Version, place: DVec3, radius: f64) -> bool {
-        let moved = place.distance(self.place.as_dvec3()) * (1.0 + 1e-6);
-        self.mesh == mesh && f64::from(self.distance) - moved > radius
-    }
-
-    fn new(mesh: Version, place: DVec3, distance: f64) -> Self {
-        let rounding = 1e-6 * (place.abs().max_element() + distance);
-        Self { mesh, place: place.as_vec3(), distance: (distance - rounding) as f32 }
+impl Bounds {
+    /// Wider by what rounding may take for a touch.
+    fn widened(self) -> Self {
+        let margin = 16.0 * f32::EPSILON * (self.low.abs() + self.high.abs());
+        Self { low: self.low - margin, high: self.high + margin }
     }
 }
 
@@ -107,6 +92,8 @@ struct Meeting {
     normal: DVec3,
     /// How deep it would have come, m.
     depth: f64,
+    /// The part of the substep after that.
+    left: f64,
 }
 
 /// How far a coordinate of this size may be off by rounding, m.
@@ -128,13 +115,30 @@ impl Touches {
         let count = search.particles.len();
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(count.div_ceil(size), Part::default);
-        let parts = self.parts.iter_mut().zip((0..count).step_by(size));
-        parallel::for_each(parts, count >= MIN_SHARED, |(part, start)| {
+        let Self { all, sensed, parts } = self;
+        let mut collect = |part: &mut Part| {
+            all.append(&mut part.touches);
+            sensed.append(&mut part.sensed);
+        };
+        let is_shared = parallel::is_shared(count >= MIN_SHARED);
+        let starts = (0..count).step_by(size);
+        if is_shared {
+            parallel::for_each(parts.iter_mut().zip(starts), true, |(part, start)| {
+                part.find(search, start..count.min(start + size));
+            });
+            parts.iter_mut().for_each(collect);
+            return;
+        }
+        // One buffer for all of them, which so stays in the first caches.
+        let mut buffer = parts.first_mut().map(|part| std::mem::take(&mut part.touches)).unwrap_or_default();
+        for (part, start) in parts.iter_mut().zip(starts) {
+            std::mem::swap(&mut buffer, &mut part.touches);
             part.find(search, start..count.min(start + size));
-        });
-        for part in &mut self.parts {
-            self.all.append(&mut part.touches);
-            self.sensed.append(&mut part.sensed);
+            collect(part);
+            std::mem::swap(&mut buffer, &mut part.touches);
+        }
+        if let Some(part) = parts.first_mut() {
+            part.touches = buffer;
         }
     }
 
@@ -168,7 +172,7 @@ impl Part {
                 if search.particles.inverse_mass()[slot] == 0.0 {
                     continue;
                 }
-                let own = search.bounds_of(slot..slot + 1);
+                let own = search.bounds_of_one(slot);
                 if near.iter().any(|place| search.placed.bounds[*place as usize].overlaps(&own)) {
                     self.look_at(search, slot, &near, &own, is_implicit);
                 }
@@ -203,63 +207,66 @@ impl Part {
         }
         let start = previous.get(slot).as_dvec3();
         let solid = || candidates().filter(|place| !collider(*place).is_sensor);
-        let mut meetings: [Option<Meeting>; MAX_MEETINGS] = [None; MAX_MEETINGS];
-        let mut position = end;
-        for meeting in &mut meetings {
-            let Some(found) = search.first_meeting(solid(), [start, position], radius) else { break };
-            *meeting = Some(found);
-            let kept = SWEPT_WAY * radius + rounding(position, radius, found.foot);
-            position += found.normal * (kept - (position - found.foot).dot(found.normal));
-        }
-        if meetings[MAX_MEETINGS - 1].is_some() {
-            // Caught between surfaces: it stays where it was.
-            position = start;
-        }
+        let swept = search.first_meeting(solid(), [start, end], radius).map(|first| {
+            search.sweep(
+                (slot, first),
+                |position| search.first_meeting(solid(), [start, position], radius),
+                [start, end],
+                radius,
+            )
+        });
+        let position = swept.map_or(end, |(_, position)| position);
         if position != end {
             self.moved.push((slot as u32, position));
         }
-        let meetings = || meetings.iter().flatten();
+        let meetings = || swept.iter().flat_map(|(meetings, _)| meetings.iter().flatten());
         meetings().for_each(|meeting| self.touches.push(search.touch(slot, *meeting, position)));
         for place in solid().filter(|place| meetings().all(|meeting| meeting.place != *place)) {
             let to = placed.moments[place].to;
-            let within = radius + 1.1 * rounding(position, radius, position);
-            let nearest = self.nearest(slot, &collider(place).shape, to.to_local(position), within);
-            let Some(nearest) = nearest else { continue };
+            let Some(nearest) = self.nearest(search, slot, place, position) else { continue };
             let normal = to.direction(&collider(place).shape, nearest.normal);
             let foot = position - normal * nearest.distance;
             let depth = radius - nearest.distance;
             if depth >= -rounding(position, radius, foot) {
                 let depth = depth.max(0.0);
-                self.touches.push(search.touch(slot, Meeting { place, foot, normal, depth }, position));
+                self.touches.push(search.touch(
+                    slot,
+                    Meeting { place, foot, normal, depth, left: 0.0 },
+                    position,
+                ));
             }
         }
     }
 }
 
 impl Part {
-    /// The nearest point of a shape, if it is at most `within` m away.
-    fn nearest(&mut self, slot: usize, shape: &Shape, local: DVec3, within: f64) -> Option<Nearest> {
-        if let Some(nearest) = shape.nearest_within(local, within) {
-            return Some(nearest);
+    /// The nearest point of a shape, if it is at most `within` m away or the particle is inside.
+    fn nearest(&mut self, search: Search, slot: usize, place: usize, position: DVec3) -> Option<Nearest> {
+        let moment = &search.placed.moments[place];
+        let shape = &search.colliders[search.placed.numbers[place] as usize].shape;
+        let local = moment.to.to_local(position);
+        let Some(mesh) = shape.as_mesh() else { return Some(shape.nearest(local, 0.0)) };
+        let radius = f64::from(search.particles.radius()[slot]);
+        let within = radius + 1.1 * rounding(position, radius, position);
+        if self.vicinities.is_empty() {
+            self.vicinities.resize(CHUNK * CHUNKS_PER_PART, Vicinity::default());
         }
-        let place = slot - self.start;
-        let mesh = shape.version();
-        if self.clearances.get(place).is_some_and(|known| known.holds(mesh, local, within)) {
-            return None;
-        }
-        let nearest = shape.nearest(local, 0.0);
-        if nearest.distance <= within {
-            return Some(nearest);
-        }
-        if self.clearances.is_empty() {
-            self.clearances.resize(CHUNK * CHUNKS_PER_PART, Clearance::default());
-        }
-        self.clearances[place] = Clearance::new(mesh, local, nearest.distance);
-        None
+        let margin = || {
+            let before = moment.from.to_local(search.previous.get(slot).as_dvec3());
+            0.1 * radius + 8.0 * local.distance(before)
+        };
+        self.vicinities[slot - self.start].nearest(mesh, local, within, margin)
     }
 }
 
 impl Search<'_> {
+    /// What bounds a particle and its way in the substep.
+    fn bounds_of_one(&self, slot: usize) -> Bounds {
+        let (now, before) = (self.particles.position.get(slot), self.previous.get(slot));
+        let radius = self.particles.radius()[slot];
+        Bounds { low: now.min(before) - radius, high: now.max(before) + radius }.widened()
+    }
+
     /// What bounds consecutive particles and their ways in the substep.
     fn bounds_of(&self, slots: std::ops::Range<usize>) -> Bounds {
         let radius = &self.particles.radius()[slots.clone()];
@@ -272,11 +279,47 @@ impl Search<'_> {
                 low = low.min(now.min(*before) - radius);
                 high = high.max(now.max(*before) + radius);
             }
-            // What rounding may take for a touch.
-            let margin = 16.0 * f32::EPSILON * (low.abs() + high.abs());
-            (bounds.low[axis], bounds.high[axis]) = (low - margin, high + margin);
+            (bounds.low[axis], bounds.high[axis]) = (low, high);
         }
-        bounds
+        bounds.widened()
+    }
+
+    /// All that a swept particle meets, the `first` one and those which `next` finds on the way to where it is put; and
+    /// where that is.
+    fn sweep(
+        &self,
+        (slot, first): (usize, Meeting),
+        mut next: impl FnMut(DVec3) -> Option<Meeting>,
+        [start, end]: [DVec3; 2],
+        radius: f64,
+    ) -> ([Option<Meeting>; MAX_MEETINGS], DVec3) {
+        let mut meetings = [None; MAX_MEETINGS];
+        let mut position = end;
+        let mut found = Some(first);
+        for meeting in &mut meetings {
+            let Some(met) = found else { return (meetings, position) };
+            *meeting = Some(met);
+            let kept = SWEPT_WAY * radius + rounding(position, radius, met.foot);
+            let pushed = kept - (position - met.foot).dot(met.normal);
+            position += met.normal * pushed;
+            position -= self.undone_slip(slot, met, position, pushed);
+            found = next(position);
+        }
+        // Caught between surfaces: it stays where it was.
+        (meetings, start)
+    }
+
+    /// How much of the slip since the meeting static friction undoes, of a particle that was pushed back by `pushed` m, m.
+    fn undone_slip(&self, slot: usize, met: Meeting, position: DVec3, pushed: f64) -> DVec3 {
+        let collider = &self.colliders[self.placed.numbers[met.place] as usize];
+        let [_, friction] = collider.material.between(skin_of(self.skins, slot).material);
+        if friction == 0.0 {
+            return DVec3::ZERO;
+        }
+        let carried = self.placed.moments[met.place].sliding(collider) * f64::from(self.rebound.substep);
+        let apart = position - met.foot - carried * met.left;
+        let slip = apart - met.normal * apart.dot(met.normal);
+        slip.clamp_length_max(f64::from(friction) * pushed.max(0.0))
     }
 
     /// The first of these colliders that a particle meets on its way, if it is so fast that it is to be swept.
@@ -287,6 +330,10 @@ impl Search<'_> {
         radius: f64,
     ) -> Option<Meeting> {
         let kept = SWEPT_WAY * radius;
+        let is_slow = start.distance_squared(end) < kept * kept;
+        if is_slow && self.placed.moving().next().is_none() {
+            return None;
+        }
         let mut first: Option<(f64, Meeting)> = None;
         for place in places {
             let moment = &self.placed.moments[place];
@@ -300,7 +347,7 @@ impl Search<'_> {
                 let (foot, normal) =
                     (moment.to.to_world(touch.foot), moment.to.direction(shape, touch.normal));
                 let depth = (radius - (end - foot).dot(normal)).max(0.0);
-                first = Some((touch.time, Meeting { place, foot, normal, depth }));
+                first = Some((touch.time, Meeting { place, foot, normal, depth, left: 1.0 - touch.time }));
             }
         }
         first.map(|(_, meeting)| meeting)
@@ -308,7 +355,7 @@ impl Search<'_> {
 
     /// The contact of a particle that is at `position` with a plane that it has met.
     fn touch(&self, slot: usize, meeting: Meeting, position: DVec3) -> Touch {
-        let Meeting { place, foot, normal, depth } = meeting;
+        let Meeting { place, foot, normal, depth, .. } = meeting;
         let number = self.placed.numbers[place];
         let collider = &self.colliders[number as usize];
         let surface_velocity = self.placed.moments[place].velocity_at(collider, foot);

@@ -187,9 +187,7 @@ impl Mesh {
         let bounds = corners.iter().fold(Bounds::EMPTY, |all, corner| all.with(corner.as_vec3()));
         let size = 0.5 * (bounds.high - bounds.low).max_element();
         let near = bounds.grown(1.01 * (reach + within) as f32 + 1e-6);
-        let mut is_alone = true;
-        self.overlapping(&near.grown(size), |_, _| is_alone = false);
-        if is_alone { Err(within + f64::from(size)) } else { Ok(near) }
+        if self.any_overlapping(&near.grown(size)) { Ok(near) } else { Err(within + f64::from(size)) }
     }
 
     fn deepest_on_edge(&self, ends: [DVec3; 2], radii: [f64; 2], within: f64) -> Result<Deepest, f64> {
@@ -213,6 +211,9 @@ impl Mesh {
             }
             for side in 0..3 {
                 let other = [corners[side], corners[(side + 1) % 3]];
+                if !bounds.overlaps(&Bounds::EMPTY.with(other[0].as_vec3()).with(other[1].as_vec3())) {
+                    continue;
+                }
                 let [part, across] = triangle::nearest_parameters(ends, other);
                 let apart = ends[0].lerp(ends[1], part).distance(other[0].lerp(other[1], across));
                 let gap = apart - (radii[0] + part * (radii[1] - radii[0]));
@@ -248,7 +249,7 @@ impl Mesh {
     ) -> Option<Deepest> {
         let mut best: Option<(f64, DVec3)> = None;
         self.overlapping(bounds, |_, facet| {
-            for corner in facet {
+            for corner in facet.into_iter().filter(|corner| bounds.contains_point(corner.as_vec3())) {
                 let (foot, feature) = triangle::nearest_point(corner, corners);
                 let apart = foot.distance(corner);
                 if feature == Feature::Face && best.as_ref().is_none_or(|(least, _)| apart < *least) {

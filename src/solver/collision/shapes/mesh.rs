@@ -6,6 +6,7 @@
 
 use bevy::math::{DVec3, Vec3};
 
+use super::normals::{Edges, Normals, find_normals, kind, welded};
 use super::tree::{Bounds, Tree};
 use super::triangle::{self, Feature};
 use super::{Crossing, Fingerprint, Nearest};
@@ -13,9 +14,6 @@ use crate::solver::state::Version;
 
 /// Below this part of the coordinates a distance says nothing about its direction.
 const ROUNDING: f64 = 1e-12;
-
-/// A closed mesh whose volume is less than this part of that of a cube of the same surface is a sheet.
-const LEAST_VOLUME: f64 = 1e-9;
 
 /// What a mesh is the surface of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,25 +71,6 @@ pub(in crate::solver) struct Mesh {
     pub fingerprint: u64,
 }
 
-#[derive(Debug, Clone, Copy, Default)]
-struct Normals {
-    face: DVec3,
-    edges: [DVec3; 3],
-    corners: [DVec3; 3],
-    /// Bits of the edges, then of the corners, that lie on the border.
-    border: u8,
-}
-
-impl Normals {
-    fn of(&self, feature: Feature) -> (DVec3, bool) {
-        match feature {
-            Feature::Face => (self.face, false),
-            Feature::Edge(edge) => (self.edges[edge], self.border >> edge & 1 == 1),
-            Feature::Corner(corner) => (self.corners[corner], self.border >> (3 + corner) & 1 == 1),
-        }
-    }
-}
-
 impl Mesh {
     /// That of these vertices, m; what is closed is solid, what is not is `one_sided` or a sheet.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]], one_sided: bool) -> Result<Self, MeshError> {
@@ -142,23 +121,47 @@ impl Mesh {
     /// The nearest point of the surface; of a sheet that is met from the side of its normals (1) or from the other one
     /// (−1), `side` says which, 0: from that on which the point is.
     pub fn nearest(&self, point: DVec3, side: f64) -> Nearest {
-        let far = Nearest { distance: f64::INFINITY, normal: DVec3::Y };
-        self.nearest_within(point, side, f64::INFINITY).unwrap_or(far)
+        let mut best = Best::NONE;
+        self.tree.nearest(point, f64::INFINITY, |item| {
+            best.try_triangle(point, self.corners[item as usize], item);
+            best.square
+        });
+        self.nearest_at(point, side, best)
     }
 
-    /// The same, if the surface is at most `within` m away.
-    pub fn nearest_within(&self, point: DVec3, side: f64, within: f64) -> Option<Nearest> {
-        let (mut least, mut found) = (within * within, (u32::MAX, DVec3::ZERO, Feature::Face));
-        self.tree.nearest(point, least, |item| {
-            let (foot, feature) = triangle::nearest_point(point, self.corners[item as usize]);
-            let square = foot.distance_squared(point);
-            if square < least || (square == least && item < found.0) {
-                (least, found) = (square, (item, foot, feature));
+    /// The nearest point of these triangles, as if there were no others; from that side of a sheet on which the point is.
+    /// Each is at least as far away as is said, and none is meant to be nearer than one before it.
+    pub fn nearest_of(&self, point: DVec3, items: impl Iterator<Item = (u32, f64)>) -> Nearest {
+        let mut best = Best::NONE;
+        for (item, least) in items {
+            if least > 0.0 && least * least > best.square {
+                break;
             }
-            least
+            best.try_triangle(point, self.corners[item as usize], item);
+        }
+        self.nearest_at(point, 0.0, best)
+    }
+
+    /// Calls `visit` with the number of each triangle that is at most `reach` m away, and how far it is, m; in no order.
+    pub fn within(&self, point: DVec3, reach: f64, mut visit: impl FnMut(u32, f64)) {
+        let wide = (reach * (1.0 + 1e-6)) as f32 + 4.0 * f32::EPSILON * point.abs().max_element() as f32;
+        self.overlapping(&Bounds::of_sphere(point.as_vec3(), wide), |item, corners| {
+            let distance = triangle::nearest_point(point, corners).0.distance(point);
+            if distance <= reach {
+                visit(item, distance);
+            }
         });
-        let (item, foot, feature) = found;
-        let normals = self.normals.get(item as usize)?;
+    }
+
+    /// The longest side of what bounds it, m.
+    pub fn size(&self) -> f64 {
+        f64::from((self.bounds.high - self.bounds.low).max_element())
+    }
+
+    fn nearest_at(&self, point: DVec3, side: f64, best: Best) -> Nearest {
+        let Best { square, item, foot, feature } = best;
+        let far = Nearest { distance: f64::INFINITY, normal: DVec3::Y };
+        let Some(normals) = self.normals.get(item as usize) else { return far };
         let (normal, is_border) = normals.of(feature);
         let apart = point - foot;
         let is_behind = apart.dot(normal) < 0.0;
@@ -168,14 +171,14 @@ impl Mesh {
             MeshKind::TwoSided if side != 0.0 && !is_border && is_behind == (side > 0.0) => -1.0,
             _ => 1.0,
         };
-        let distance = least.sqrt();
+        let distance = square.sqrt();
         let facing = if self.kind == MeshKind::TwoSided && side < 0.0 { -normal } else { normal };
         let normal = match distance > ROUNDING * point.abs().max_element() {
             true if feature == Feature::Face => normals.face * if is_behind { -sign } else { sign },
             true => apart * (sign / distance),
             false => facing,
         };
-        Some(Nearest { distance: sign * distance, normal })
+        Nearest { distance: sign * distance, normal }
     }
 
     /// On which side of the sheet a point is: 1 or −1; 0 beyond its border, and of what is no sheet.
@@ -211,110 +214,44 @@ impl Mesh {
         Some(Crossing { time, foot: from.lerp(to, time), normal: if is_front { face } else { -face } })
     }
 
+    /// Whether any triangle may overlap these bounds.
+    pub fn any_overlapping(&self, bounds: &Bounds) -> bool {
+        self.tree.any_overlapping(bounds)
+    }
+
     /// Calls `visit` with number and corners of each triangle that may overlap these bounds, in no order.
     pub fn overlapping(&self, bounds: &Bounds, mut visit: impl FnMut(u32, [DVec3; 3])) {
         self.tree.overlapping(bounds, |item| visit(item, self.corners[item as usize]));
     }
 }
 
-/// For each vertex, the first one in the same place.
-fn welded(vertices: &[Vec3]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
-    // −0 is 0.
-    let key = |vertex: u32| (vertices[vertex as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
-    order.sort_unstable_by_key(|vertex| (key(*vertex), *vertex));
-    let mut first_of = vec![0; vertices.len()];
-    for same in order.chunk_by(|one, next| key(*one) == key(*next)) {
-        same.iter().for_each(|vertex| first_of[*vertex as usize] = same[0]);
-    }
-    first_of
+/// The nearest triangle so far.
+#[derive(Debug, Clone, Copy)]
+struct Best {
+    /// Of the distance, m².
+    square: f64,
+    item: u32,
+    foot: DVec3,
+    feature: Feature,
 }
 
-/// The edges of all triangles, sorted by their ends: the smaller end, the larger one, whether the edge runs from the
-/// larger to the smaller, the triangle and which of its edges.
-struct Edges(Vec<(u32, u32, bool, u32, usize)>);
+impl Best {
+    const NONE: Self =
+        Self { square: f64::INFINITY, item: u32::MAX, foot: DVec3::ZERO, feature: Feature::Face };
 
-impl Edges {
-    fn of(triangles: &[[u32; 3]]) -> Self {
-        let mut edges = Vec::with_capacity(3 * triangles.len());
-        for (number, corners) in (0..).zip(triangles) {
-            for edge in 0..3 {
-                let (from, to) = (corners[edge], corners[(edge + 1) % 3]);
-                edges.push((from.min(to), from.max(to), from > to, number, edge));
-            }
-        }
-        edges.sort_unstable();
-        Self(edges)
-    }
-
-    /// Those between the same two vertices, together.
-    fn groups(&self) -> impl Iterator<Item = &[(u32, u32, bool, u32, usize)]> {
-        self.0.chunk_by(|one, next| (one.0, one.1) == (next.0, next.1))
-    }
-}
-
-fn kind(corners: &[[DVec3; 3]], edges: &Edges, one_sided: bool) -> Result<MeshKind, MeshError> {
-    let is_oriented =
-        edges.groups().all(|group| group.len() == 1 || (group.len() == 2 && group[0].2 != group[1].2));
-    let is_closed = is_oriented && edges.groups().all(|group| group.len() == 2);
-    if is_closed {
-        let volume = corners.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum::<f64>();
-        let area = corners.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length()).sum::<f64>();
-        let least = LEAST_VOLUME * (area / 6.0).powf(1.5);
-        return match volume {
-            _ if volume > least => Ok(MeshKind::Solid),
-            _ if volume < -least => Err(MeshError::InsideOut),
-            _ => Ok(MeshKind::TwoSided),
-        };
-    }
-    match one_sided {
-        true if !is_oriented => Err(MeshError::NotOriented),
-        true => Ok(MeshKind::OneSided),
-        false => Ok(MeshKind::TwoSided),
-    }
-}
-
-fn find_normals(
-    triangles: &[[u32; 3]],
-    corners: &[[DVec3; 3]],
-    edges: &Edges,
-    vertices: usize,
-) -> Vec<Normals> {
-    let mut normals = vec![Normals::default(); triangles.len()];
-    let mut of_vertex = vec![DVec3::ZERO; vertices];
-    let mut is_border = vec![false; vertices];
-    for ((own, triangle), places) in normals.iter_mut().zip(triangles).zip(corners) {
-        let [a, b, c] = *places;
-        own.face = (b - a).cross(c - a).normalize();
-        for (corner, vertex) in triangle.iter().enumerate() {
-            let place = places[corner];
-            let sides = [places[(corner + 1) % 3] - place, places[(corner + 2) % 3] - place];
-            of_vertex[*vertex as usize] += own.face * sides[0].angle_between(sides[1]);
+    /// Of what is equally near the first one counts.
+    #[inline]
+    fn try_triangle(&mut self, point: DVec3, corners: [DVec3; 3], item: u32) {
+        let (foot, feature) = triangle::nearest_point(point, corners);
+        let square = foot.distance_squared(point);
+        if square < self.square || (square == self.square && item < self.item) {
+            *self = Self { square, item, foot, feature };
         }
     }
-    for group in edges.groups() {
-        let sum: DVec3 = group.iter().map(|edge| normals[edge.3 as usize].face).sum();
-        for (from, to, _, triangle, edge) in group {
-            let own = &mut normals[*triangle as usize];
-            own.edges[*edge] = sum.try_normalize().unwrap_or(own.face);
-            if group.len() == 1 {
-                own.border |= 1 << edge;
-                is_border[*from as usize] = true;
-                is_border[*to as usize] = true;
-            }
-        }
-    }
-    for (own, triangle) in normals.iter_mut().zip(triangles) {
-        for (corner, vertex) in triangle.iter().enumerate() {
-            own.corners[corner] = of_vertex[*vertex as usize].try_normalize().unwrap_or(own.face);
-            own.border |= u8::from(is_border[*vertex as usize]) << (3 + corner);
-        }
-    }
-    normals
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::primitives::cuboid;
     use super::*;
 

@@ -8,22 +8,24 @@ mod feature;
 mod fingerprint;
 mod line;
 mod mesh;
+mod normals;
 mod primitives;
 mod sweep;
 mod tree;
 mod triangle;
+mod vicinity;
 
 use std::sync::Arc;
 
 use bevy::math::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use super::plane::Pose;
-use crate::solver::state::Version;
 pub(in crate::solver) use feature::Deepest;
 pub(in crate::solver) use fingerprint::Fingerprint;
 use mesh::Mesh;
 pub use mesh::{MeshError, MeshKind};
 pub(in crate::solver) use tree::{Bounds, MovingTree};
+pub(in crate::solver::collision) use vicinity::Vicinity;
 
 /// The nearest point of the surface of a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -221,22 +223,33 @@ impl Shape {
         }
     }
 
-    /// The same from any side, for what is to know only whether it is at most `within` m outside: `None` of meshes that are
-    /// farther away, or may be around the point.
-    pub(in crate::solver) fn nearest_within(&self, point: DVec3, within: f64) -> Option<Nearest> {
-        match &self.0 {
-            Kind::Mesh(mesh) => mesh.nearest_within(point, 0.0, within),
-            Kind::Flat(shape) => shape.nearest_within(point, within),
-            _ => Some(self.nearest(point, 0.0)),
+    /// Whether it is the other one; false of two that were built alike, where these are big.
+    pub(in crate::solver::collision) fn is_same(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (Kind::HalfSpace, Kind::HalfSpace) => true,
+            (Kind::Ball { radius: one }, Kind::Ball { radius: other }) => one == other,
+            (
+                Kind::Capsule { radius: one, half_length: length },
+                Kind::Capsule { radius: other, half_length: other_length },
+            ) => one == other && length == other_length,
+            (Kind::Cuboid { half_size: one }, Kind::Cuboid { half_size: other }) => one == other,
+            (
+                Kind::Frustum { radii: one, half_height: height },
+                Kind::Frustum { radii: other, half_height: other_height },
+            ) => one == other && height == other_height,
+            (Kind::Mesh(one), Kind::Mesh(other)) => Arc::ptr_eq(one, other),
+            (Kind::Compound(one), Kind::Compound(other)) => Arc::ptr_eq(one, other),
+            (Kind::Flat(one), Kind::Flat(other)) => Arc::ptr_eq(one, other),
+            _ => false,
         }
     }
 
-    /// No other mesh has the same.
-    pub(in crate::solver) fn version(&self) -> Version {
+    /// The mesh that it is, if it is one.
+    pub(in crate::solver::collision) fn as_mesh(&self) -> Option<&Mesh> {
         match &self.0 {
-            Kind::Mesh(mesh) => mesh.version,
-            Kind::Flat(shape) => shape.version(),
-            _ => Version::default(),
+            Kind::Mesh(mesh) => Some(mesh),
+            Kind::Flat(shape) => shape.as_mesh(),
+            _ => None,
         }
     }
 

@@ -1,13 +1,14 @@
 //! Where a ball first meets a shape on a straight way.
 //!
-//! Towards convex shapes by conservative advancement (Mirtich, *Impulse-based dynamic simulation*, 1996): a ball that is
-//! d away from the surface can go on by d. Through the triangles of a mesh the way of its centre is tested exactly.
+//! Towards convex shapes by conservative advancement (Mirtich, *Impulse-based dynamic simulation*, 1996): an edge that is d
+//! away from the surface can go on by d, a ball up to the tangent plane. Through the triangles of a mesh the way of its centre is
+//! tested exactly.
 
 use bevy::math::DVec3;
 
 use super::{Crossing, Kind, Shape};
 
-/// Steps of an advancement, at most: a way that grazes a surface for longer than that ends there.
+/// Steps of an advancement, at most: an edge that grazes a surface for longer than that ends there.
 const MAX_STEPS: usize = 48;
 
 /// How far an edge goes on that touches and leaves, as a part of its thickness and that of the shape.
@@ -120,7 +121,7 @@ impl Shape {
         None
     }
 
-    /// Conservative advancement towards a convex shape.
+    /// Advancement towards a convex shape, by as much as its tangent plane allows.
     fn advance(&self, from: DVec3, to: DVec3, radius: f64) -> Option<Crossing> {
         let way = to - from;
         let length = way.length();
@@ -134,14 +135,19 @@ impl Shape {
             let point = from + way * time;
             let nearest = self.nearest(point, 0.0);
             let gap = nearest.distance - radius;
-            if gap <= touch || step == MAX_STEPS {
-                // The distance from a convex shape has one minimum along a line: what leaves never comes back.
-                let foot = point - nearest.normal * nearest.distance;
-                let approaches = way.dot(nearest.normal) < -1e-12 * length;
-                return approaches.then_some(Crossing { time, foot, normal: nearest.normal });
+            // Along a line the distance from a convex shape is a convex function: what leaves never comes back.
+            let approach = -way.dot(nearest.normal);
+            if approach <= 1e-12 * length {
+                return None;
             }
-            time += gap / length;
-            if time > 1.0 {
+            if gap <= touch || step == MAX_STEPS {
+                let foot = point - nearest.normal * nearest.distance;
+                return Some(Crossing { time, foot, normal: nearest.normal });
+            }
+            // It lies above its tangent, so that this is never too far (Newton's method, from the left).
+            time += gap / approach;
+            // Neither of NaN.
+            if time.is_nan() || time > 1.0 {
                 return None;
             }
         }

@@ -3,7 +3,7 @@
 //! Each node has four children, whose boxes lie side by side so that all four are tested by the same vector
 //! instructions. It is built by halving along the longest axis, so that its depth is bounded and it is the same on
 //! every run. What it finds is all that overlaps, or the nearest of all: the order in which it looks changes nothing
-//! for those who take the smallest index of what is equally near.
+//! as long as the smallest index is taken of what is equally near.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -60,6 +60,10 @@ impl Bounds {
     /// How far the two are apart, m; 0 where they overlap.
     pub fn distance(&self, other: &Self) -> f32 {
         (self.low - other.high).max(other.low - self.high).max(Vec3::ZERO).length()
+    }
+
+    pub fn contains_point(&self, point: Vec3) -> bool {
+        self.low.cmple(point).all() && point.cmple(self.high).all()
     }
 
     pub fn contains(&self, other: &Self) -> bool {
@@ -149,6 +153,30 @@ impl Tree {
                 }
             }
         }
+    }
+
+    /// Whether the box of any leaf may overlap these bounds.
+    pub fn any_overlapping(&self, bounds: &Bounds) -> bool {
+        let (mut pending, mut count) = ([0_u32; MAX_PENDING], usize::from(!self.nodes.is_empty()));
+        while count > 0 {
+            count -= 1;
+            let node = &self.nodes[pending[count] as usize];
+            for place in 0..WIDTH {
+                let mut overlap = node.children[place] != NONE;
+                for axis in 0..3 {
+                    overlap &= node.low[axis][place] <= bounds.high[axis];
+                    overlap &= bounds.low[axis] <= node.high[axis][place];
+                }
+                let child = node.children[place];
+                if overlap && child & LEAF == 0 {
+                    pending[count] = child;
+                    count += 1;
+                } else if overlap {
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     /// Finds what is nearest to `point`, within the square of a distance, m². `visit` has the square of the distance of

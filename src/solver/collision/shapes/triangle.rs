@@ -12,6 +12,7 @@ pub(super) enum Feature {
 }
 
 /// The point of a triangle that is next to `point`, and what it lies on.
+#[inline]
 pub(super) fn nearest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> (DVec3, Feature) {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

@@ -7,6 +7,9 @@
 //! N·s/m. Cloths: 0.01 kg, 0.1 m, two corners pinned, structural, shear and skip-one springs, k = 10³
 //! N/m, c = 1 N·s/m. Semi-implicit Euler, 8 substeps of 1/960 s (at 1/480 s the cloth would explode).
 
+mod bends;
+mod naive;
+
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -141,82 +144,6 @@ fn start(app: &mut App) {
     // The first update has no delta, the second numbers the slots.
     app.update();
     app.update();
-}
-
-/// What one writes first: a structure for each particle and each spring, and two loops.
-mod naive {
-    use super::*;
-
-    struct Body {
-        position: Vec3,
-        velocity: Vec3,
-        force: Vec3,
-        inverse_mass: f32,
-    }
-
-    struct Link {
-        ends: [usize; 2],
-        rest_length: f32,
-        stiffness: f32,
-        damping: f32,
-    }
-
-    pub struct World {
-        bodies: Vec<Body>,
-        links: Vec<Link>,
-    }
-
-    impl World {
-        pub fn of(net: &Net) -> Self {
-            let inverse_mass = |slot| if net.pinned.contains(&slot) { 0.0 } else { 1.0 / net.mass };
-            let bodies = net.positions.iter().enumerate().map(|(slot, position)| Body {
-                position: *position,
-                velocity: Vec3::ZERO,
-                force: Vec3::ZERO,
-                inverse_mass: inverse_mass(slot),
-            });
-            let links = net.links.iter().map(|&(first, second)| Link {
-                ends: [first, second],
-                rest_length: net.rest_length((first, second)),
-                stiffness: net.stiffness,
-                damping: net.damping,
-            });
-            Self { bodies: bodies.collect(), links: links.collect() }
-        }
-
-        pub fn position(&self, slot: usize) -> Vec3 {
-            self.bodies[slot].position
-        }
-
-        pub fn tick(&mut self) {
-            for _ in 0..SUBSTEPS {
-                self.substep(TICK / SUBSTEPS as f32);
-            }
-        }
-
-        fn substep(&mut self, h: f32) {
-            for link in &self.links {
-                let [first, second] = link.ends;
-                let separation = self.bodies[first].position - self.bodies[second].position;
-                let relative_velocity = self.bodies[first].velocity - self.bodies[second].velocity;
-                let length = separation.length();
-                if length > 0.0 {
-                    let direction = separation / length;
-                    let tension = link.stiffness * (length - link.rest_length)
-                        + link.damping * relative_velocity.dot(direction);
-                    self.bodies[first].force -= direction * tension;
-                    self.bodies[second].force += direction * tension;
-                }
-            }
-            for body in &mut self.bodies {
-                if body.inverse_mass > 0.0 {
-                    body.velocity += h * (body.force * body.inverse_mass + GRAVITY);
-                    body.position += h * body.velocity;
-                }
-                body.force = Vec3::ZERO;
-            }
-        }
-    }
 }
 
 fn settings() -> StepSettings {
@@ -430,100 +357,5 @@ fn edits(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A cloth of `side`² particles of 1 g, 2 cm apart, in triangles, its first row pinned; with hinges between them, or
-/// without. The hinges: Bergou et al. 2006, k = 3 D / A with the weights of the squares' triangles.
-fn bent_cloth(side: usize, stiffness: f32, damping: f32, is_bent: bool) -> Solver {
-    let mut solver = Solver::default();
-    for slot in 0..side * side {
-        let (column, row) = (slot % side, slot / side);
-        let position = Vec3::new(column as f32, 0.01 * (column * row % 7) as f32, row as f32) * 0.02;
-        let mass = if row == 0 { f32::INFINITY } else { 1e-3 };
-        solver.add_particle(position, Vec3::ZERO, mass, 0.0).expect("the values are good");
-    }
-    let all = || (0..side).flat_map(move |row| (0..side).map(move |column| (column, row)));
-    for (column, row) in all() {
-        let slot = row * side + column;
-        for (columns, rows) in [(1, 0), (0, 1), (1, 1)] {
-            if column + columns < side && row + rows < side {
-                let other = slot + columns + rows * side;
-                let rest_length = 0.02 * ((columns + rows) as f32).sqrt();
-                let spring =
-                    solver::Spring { rest_length, stiffness: 100.0, damping: 0.01, ..Default::default() };
-                solver.add_spring([slot, other], spring).expect("the values are good");
-            }
-        }
-    }
-    for (column, row) in all().filter(|_| is_bent) {
-        let slot = row * side + column;
-        let mut hinge = |ends: [usize; 4], weights: [f32; 4]| {
-            let bend = solver::Bend { rest_length: 0.0, stiffness, damping, weights };
-            solver.add_hinge(ends, bend).expect("the values are good");
-        };
-        if column + 1 < side && row + 1 < side {
-            // Across the diagonal; the two opposite corners, then those on it.
-            hinge([slot + 1, slot + side, slot, slot + side + 1], [1.0, 1.0, -1.0, -1.0]);
-            if row > 0 {
-                hinge([slot + side + 1, slot - side, slot, slot + 1], [1.0, 1.0, -1.0, -1.0]);
-            }
-            if column > 0 {
-                hinge([slot + side + 1, slot - 1, slot, slot + side], [1.0, 1.0, -1.0, -1.0]);
-            }
-        }
-    }
-    solver
-}
-
-/// A rope of `count` links of 1 cm and 10 g that hangs from one end in an arc, k = 10⁵ N/m and EI = 10⁻³ N·m².
-fn bent_rope(count: usize, is_bent: bool) -> Solver {
-    let mut solver = Solver::default();
-    let curve = 3.0 / count as f32;
-    for number in 0..=count {
-        let angle = curve * number as f32;
-        let position = Vec3::new(angle.sin(), angle.cos(), 0.0) * (0.01 / curve);
-        let mass = if number == 0 { f32::INFINITY } else { 0.01 };
-        solver.add_particle(position, Vec3::ZERO, mass, 0.0).expect("the values are good");
-    }
-    for number in 0..count {
-        let spring = solver::Spring { rest_length: 0.01, stiffness: 1e5, damping: 1.0, ..Default::default() };
-        solver.add_spring([number, number + 1], spring).expect("the values are good");
-    }
-    for number in (1..count).filter(|_| is_bent) {
-        let bend = solver::Bend { rest_length: 0.0, stiffness: 1e3, damping: 0.0, weights: [1.0, -2.0, 1.0] };
-        solver.add_rod([number - 1, number, number + 1], bend).expect("the values are good");
-    }
-    solver
-}
-
-/// What bending costs, in cloths under `Auto` and in ropes under implicit Euler.
-fn bends(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("bending");
-    group.sample_size(20);
-    let run = |solver: &mut Solver, settings: &StepSettings| {
-        solver.step(settings);
-    };
-    let automatic = StepSettings { gravity: GRAVITY, pair_rules: None, ..Default::default() };
-    for (name, damping, is_bent) in
-        [("cloth without", 0.0, false), ("cloth with", 0.0, true), ("cloth with, damped", 1e-4, true)]
-    {
-        let mut solver = bent_cloth(100, 1.0, damping, is_bent);
-        println!("{name}: {:?}", solver.plan(&automatic));
-        group.bench_function(name, |bencher| bencher.iter(|| run(&mut solver, &automatic)));
-    }
-    let implicit = StepSettings {
-        integrator: Integrator::ImplicitEuler,
-        substeps: solver::SubstepMode::Fixed(1),
-        ..automatic
-    };
-    for (count, is_bent) in [(10_000, false), (10_000, true), (5_000, true)] {
-        let start = bent_rope(count, is_bent);
-        let name = format!("rope of {count} {}, implicit", if is_bent { "with" } else { "without" });
-        group.bench_function(name, |bencher| {
-            let mut solver = start.clone();
-            bencher.iter(|| run(&mut solver, &implicit));
-        });
-    }
-    group.finish();
-}
-
-criterion_group!(benches, nets, balls, apart, idle, edits, bends);
+criterion_group!(benches, nets, balls, apart, idle, edits, bends::bends);
 criterion_main!(benches);

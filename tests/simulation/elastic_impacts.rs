@@ -1,0 +1,78 @@
+//! Elastic impacts, 1,000 in a row: energy and momentum.
+
+use bevy::math::Vec3;
+use bevy_mass_spring::solver::{Integrator, Shape, Solver, StepSettings, SubstepMode};
+
+use crate::common::bodies::{Ball, floating, velocities, velocity, world};
+use crate::common::shapes::{resting, with};
+
+const IMPACTS: usize = 1000;
+const SPEED: f32 = 9.0;
+
+/// Between two walls. The speed is kept to 0.5 %, and so the energy to 1 %; and what a tick changes of the momentum is what
+/// the walls have given, as the contacts say.
+#[test]
+fn a_thousand_impacts_on_walls_keep_the_energy() {
+    for scheme in Integrator::named() {
+        let mut state = world([Ball { velocity: Vec3::X * SPEED, ..Ball::at(Vec3::ZERO) }]);
+        for side in [-1.0, 1.0] {
+            let wall = resting(Shape::cuboid(Vec3::new(0.1, 1.0, 1.0)), Vec3::X * side * 0.4);
+            state.add_collider(with(wall, 1.0, 0.0));
+        }
+        state.outputs_mut().record_contacts = true;
+        let mut impacts = 0;
+        while impacts < IMPACTS {
+            let before = velocity(&state, 0);
+            state.step(&floating(scheme, 1.0));
+            let struck = state.outputs().contacts.iter().filter(|contact| contact.impulse > 0.0);
+            let given: Vec3 = struck.clone().map(|contact| contact.normal * contact.impulse).sum();
+            impacts += struck.count();
+            // Of 1 kg at 9 m/s, which turns round.
+            let lost = (velocity(&state, 0) - before - given).length();
+            assert!(lost < 1e-5 * 2.0 * SPEED, "{scheme:?}, impact {impacts}: {lost} kg·m/s");
+        }
+        let speed = velocity(&state, 0).length();
+        assert!((speed / SPEED - 1.0).abs() < 0.005, "{scheme:?}: {speed} m/s");
+    }
+}
+
+fn energy(state: &Solver) -> f32 {
+    velocities(state).iter().map(|velocity| 0.5 * velocity.length_squared()).sum()
+}
+
+/// One ball in empty space strikes the next, which strikes the next, and so on: equal masses exchange their velocities. All
+/// of the momentum and of the energy is in the last one at the end. A ball flies 3.75 cm in a substep and 5 cm from one to
+/// the next.
+#[test]
+fn a_thousand_impacts_in_a_row_hand_on_momentum_and_energy() {
+    for scheme in Integrator::named() {
+        let balls = (0..=IMPACTS).map(|number| Ball {
+            radius: 0.05,
+            velocity: if number == 0 { Vec3::X * SPEED } else { Vec3::ZERO },
+            ..Ball::at(Vec3::X * 0.15 * number as f32)
+        });
+        let mut state = world(balls);
+        let settings = StepSettings { substeps: SubstepMode::Fixed(4), ..floating(scheme, 1.0) };
+        let start = energy(&state);
+        // A ball that strikes another one within a substep waits there for the next one: by half of it on average, 40 % of
+        // the time between two impacts.
+        let least_ticks = (IMPACTS as f32 * 0.05 / SPEED * 60.0) as u32;
+        for tick in 0..2 * least_ticks {
+            state.step(&settings);
+            if velocity(&state, IMPACTS) != Vec3::ZERO {
+                break;
+            }
+            let momentum: Vec3 = velocities(&state).iter().sum();
+            let lost = (momentum - Vec3::X * SPEED).length();
+            assert!(lost < 1e-5 * SPEED, "{scheme:?}, tick {tick}: {lost} kg·m/s");
+            let kept = energy(&state) / start;
+            assert!(
+                (kept - 1.0).abs() < 0.01,
+                "{scheme:?}, tick {tick}: the energy is {kept} of what it was"
+            );
+        }
+        // Nothing is left behind.
+        let last = velocity(&state, IMPACTS).x;
+        assert!((last / SPEED - 1.0).abs() < 0.005, "{scheme:?}: {last} m/s");
+    }
+}
