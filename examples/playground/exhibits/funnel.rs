@@ -13,8 +13,8 @@ use crate::stage::{Stage, View};
 
 const EXHIBIT: Exhibit = Exhibit {
     name: "Funnel",
-    caption: "Ropes slide through a funnel, a mesh of triangles, and pile up on the floor. They collide with it along their \
-              length, and with each other at their particles, which lie closer than they are thick. Friction decides whether they get stuck.",
+    caption: "Ropes slide through a funnel, a mesh of triangles, and pile up on the floor. They collide with it and with each \
+              other along their length. Friction decides whether they get stuck.",
     view: View { focus: Vec3::new(0.0, 1.0, 0.0), distance: 5.0, yaw: 0.4, pitch: 0.25 },
 };
 

@@ -11,8 +11,8 @@ use crate::stage::{Stage, View};
 
 const EXHIBIT: Exhibit = Exhibit {
     name: "Knot",
-    caption: "An overhand knot is pulled tight in a rope whose particles lie closer than they are thick. With friction \
-              it holds; without, the rope runs through the knot until that is small.",
+    caption: "An overhand knot is pulled tight in a rope that meets itself along its length. With friction it holds; \
+              without, the rope runs through the knot until that is small.",
     view: View { focus: Vec3::new(0.0, 1.3, 0.0), distance: 4.2, yaw: 0.15, pitch: 0.15 },
 };
 

@@ -3,9 +3,9 @@
 //! A body is what edges and triangles join. Its tree is made once, and its boxes are fitted anew in each search: neighbours on
 //! a mesh stay neighbours (van den Bergen, *Efficient collision detection of complex deformable models using AABB trees*,
 //! 1997). It follows from the mesh alone, so that pairs are always found in the same order: the coordinates by which items
-//! are divided are their distances along the mesh, in steps, from three vertices that are far from each other. Each vertex and each edge is in one cluster, in one in which also a
-//! triangle of it is (representative triangles: Curtis, Tamstorf and Manocha, *Fast collision detection for deformable
-//! models*, 2008).
+//! are divided are their distances along the mesh, in steps, from three vertices that are far from each other. Each vertex
+//! and each edge is in one cluster, in one in which also a triangle of it is (representative triangles: Curtis, Tamstorf and
+//! Manocha, *Fast collision detection for deformable models*, 2008).
 
 use std::ops::Range;
 

@@ -13,7 +13,8 @@
 //!
 //! Coulomb friction is lagged (Li et al., 2020, section 5): the step is solved, then again with a potential μ N φ(‖u‖)
 //! of the slip u along the surface, where N is the normal force of the last solution and φ is ‖u‖, but
-//! quadratic below [`CREEP`] m/s.
+//! quadratic below [`CREEP`] m/s. Newton's method takes quadratics that touch it from above, or, where the last two solutions say that
+//! less than the limit holds, the one of what sticks.
 //!
 //! Restitution: after the step, what has approached at the speed u is sent back at ε u, and the whole island answers
 //! to it by the same linear system.
