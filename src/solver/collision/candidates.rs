@@ -1,5 +1,4 @@
-//! The pairs of particles that may touch: searched anew when the memory's last search has become invalid, or
-//! derived from that search again.
+//! The pairs of particles that may touch: searched anew when the last search has become invalid, else derived from it.
 
 use crate::solver::elements::Elements;
 use crate::solver::graph::Exclusions;

@@ -81,8 +81,7 @@ const POSITION_ITERATIONS: usize = 2;
 /// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
 const RECOVERY_RATE: f32 = 10.0;
 
-/// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one
-/// gives the same results.
+/// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one gives the same.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactCaches {
     candidates: Candidates,
@@ -100,8 +99,7 @@ pub(super) struct ContactCaches {
     sweep: Sweep,
     /// Whether the last substep of contacts has moved any particle.
     have_moved: bool,
-    /// Whether the particle in each slot is in an island that implicit Euler advances: what it touches of planes
-    /// and pinned particles is a part of that step. Empty where it advances none.
+    /// Whether the particle in each slot is in an island of an implicit step, of which what it touches is a part; empty if none is.
     is_implicit: Vec<bool>,
 }
 

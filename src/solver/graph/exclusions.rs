@@ -97,13 +97,13 @@ impl Exclusions {
 
     /// Whether the particles a < b do not collide.
     pub fn contains(&self, a: u32, b: u32) -> bool {
-        are_of_one_family(&self.families, a, b)
+        Self::are_of_one_family(&self.families, a, b)
             || !self.excluded.is_empty() && self.excluded.of(a as usize).contains(&b)
     }
-}
 
-/// Whether two particles are of one family, as in a net that does not collide with itself.
-pub(in crate::solver) fn are_of_one_family(families: &[u32], one: u32, other: u32) -> bool {
-    let family = families.get(one as usize).copied().unwrap_or(0);
-    family != 0 && families.get(other as usize) == Some(&family)
+    /// Whether two particles are of one family, as in a net that does not collide with itself.
+    pub fn are_of_one_family(families: &[u32], one: u32, other: u32) -> bool {
+        let family = families.get(one as usize).copied().unwrap_or(0);
+        family != 0 && families.get(other as usize) == Some(&family)
+    }
 }

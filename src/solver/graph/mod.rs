@@ -31,7 +31,7 @@ pub(super) use coincidence::part_coincident;
 pub(super) use colouring::Colouring;
 pub(super) use coupling::{Coupling, for_each_coupling};
 pub(super) use elimination::{BentNode, Elimination, Fill, NodeRun};
-pub(super) use exclusions::{Exclusions, are_of_one_family, overlap_at_rest, sprung_pinned};
+pub(super) use exclusions::{Exclusions, overlap_at_rest, sprung_pinned};
 pub(super) use hierarchy::Hierarchy;
 pub(super) use islands::{Forest, Island, IslandSet, Islands, has_loops};
 pub(super) use limits::{LimitGroup, Limits};

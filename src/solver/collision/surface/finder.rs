@@ -7,7 +7,7 @@ use super::pair::Kind;
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
 use super::tree::{Box3, Cluster, Forest};
-use crate::solver::graph::are_of_one_family;
+use crate::solver::graph::Exclusions;
 
 use super::super::material::{Skin, skin_of};
 
@@ -166,7 +166,7 @@ impl Finder<'_> {
     fn add(&mut self, slots: [u32; 4], kind: Kind, marks: [u8; 2], is_within: bool) {
         let particles = self.moving.particles;
         let is_free = |slot: &u32| !particles.is_pinned(*slot as usize);
-        let is_exempt = are_of_one_family(particles.families(), slots[0], slots[3]);
+        let is_exempt = Exclusions::are_of_one_family(particles.families(), slots[0], slots[3]);
         if is_exempt || !slots.iter().any(is_free) || !self.may_meet(slots[0], slots[3]) {
             return;
         }

@@ -11,7 +11,7 @@ use super::finder::Finder;
 use super::pair::Kind;
 use super::primitives::Primitives;
 use super::tree::{Box3, MeshBody};
-use crate::solver::graph::are_of_one_family;
+use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
@@ -353,7 +353,8 @@ impl Search {
 
 /// Whether no pair of a body collides: all its particles are of one family.
 fn is_one_family(vertices: &[u32], families: &[u32]) -> bool {
-    !families.is_empty() && vertices.iter().all(|slot| are_of_one_family(families, vertices[0], *slot))
+    !families.is_empty()
+        && vertices.iter().all(|slot| Exclusions::are_of_one_family(families, vertices[0], *slot))
 }
 
 /// The box of a vertex of a `radius` that is at both places, with radius and skin.

@@ -28,7 +28,7 @@ use super::newton::MAX_STEPS;
 use crate::solver::collision::{
     ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair, Surroundings,
 };
-use crate::solver::graph::{Elimination, are_of_one_family};
+use crate::solver::graph::{Elimination, Exclusions};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
 
@@ -57,9 +57,6 @@ const FRICTION_PASSES: usize = 2;
 
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
-
-/// The sine of the angle between two normals that are taken for different ones.
-const MIN_ANGLE: f64 = 1e-6;
 
 /// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
 /// looked for.
@@ -113,7 +110,7 @@ impl PairFilter<'_> {
         let is_new = || !(memory.has_searched(slot) && memory.has_searched(pinned));
         let tangled = || memory.are_entangled(slot, pinned) || (is_new() && self.sprung.contains(&pinned));
         !(self.excluded.contains(&(node as u32, pinned))
-            || are_of_one_family(self.families, slot, pinned)
+            || Exclusions::are_of_one_family(self.families, slot, pinned)
             || overlap && tangled())
     }
 }
@@ -247,37 +244,6 @@ impl Contacts {
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
-    /// The contacts that held in the last linearisation with what nothing in the step can move.
-    fn held_from_outside(&self) -> impl Iterator<Item = &Contact> {
-        self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.outer_part() != 0.0)
-    }
-
-    /// Whether there are any such.
-    pub fn are_held_from_outside(&self) -> bool {
-        self.held_from_outside().next().is_some()
-    }
-
-    /// Their force, N.
-    pub fn force(&self) -> DVec3 {
-        let of =
-            |contact: &Contact| (contact.normal * contact.force + contact.rubbing) * contact.outer_part();
-        self.held_from_outside().map(of).sum()
-    }
-
-    /// The part of a displacement that leads into no obstacle and away from none.
-    pub fn along_surfaces(&self, displacement: DVec3) -> DVec3 {
-        let mut basis = [DVec3::ZERO; 3];
-        let mut count = 0;
-        for contact in self.held_from_outside() {
-            let outside = perpendicular(contact.normal, &basis);
-            if count < 3 && outside.length_squared() > MIN_ANGLE * MIN_ANGLE {
-                basis[count] = outside.normalize();
-                count += 1;
-            }
-        }
-        perpendicular(displacement, &basis)
-    }
-
     /// Number of Newton steps of the next solution, at most.
     pub fn max_steps(&self) -> usize {
         let is_last = !self.any() || self.passes + 1 == self.max_passes;
@@ -389,11 +355,6 @@ impl Contacts {
             });
         }
     }
-}
-
-/// The part of a vector perpendicular to orthonormal ones, or zeros.
-fn perpendicular(vector: DVec3, basis: &[DVec3]) -> DVec3 {
-    basis.iter().fold(vector, |rest, direction| rest - *direction * rest.dot(*direction))
 }
 
 /// The longest way of a node, m.

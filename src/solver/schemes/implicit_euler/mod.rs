@@ -16,6 +16,7 @@
 //! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs and ropes that
 //! resist bending are eliminated directly, `conjugate_gradient.rs` solves for the rest.
 
+mod balance;
 mod block;
 mod clusters;
 mod conjugate_gradient;
@@ -44,7 +45,7 @@ use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
 use clusters::Clusters;
-use contacts::{Motion, PairFilter, longest_way};
+use contacts::{Motion, PairFilter};
 use features::IslandFeatures;
 use newton::{MAX_STEPS, Newton};
 use system::System;
@@ -82,9 +83,6 @@ struct Island {
     /// What of it collides between its particles.
     features: IslandFeatures,
 }
-
-/// The longest correction of what touches something, as a part of the longest way of a particle in free flight.
-const MAX_DRIFT: f64 = 0.02;
 
 /// What the islands have in common in a step.
 #[derive(Clone, Copy)]
@@ -327,44 +325,6 @@ impl Island {
         }
         stages.finish(system, context, particles, acceleration);
         true
-    }
-
-    /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
-    /// Σ (m/h² + ν/h) (x' − y) = 0, as elements add none. It would be so by itself, had the equations of the core
-    /// been solved to the last bit. The force of a stiff contact is known less well than that where Newton's method has not come
-    /// close: with contacts the island is moved by no more than [`MAX_DRIFT`].
-    fn balance(&mut self) {
-        let Self { elimination, system, .. } = self;
-        if elimination.trees == elimination.free || elimination.is_anchored() {
-            return;
-        }
-        let (mut drift, mut inertia) = (-system.contacts.force(), 0.0);
-        for node in 0..elimination.free {
-            drift += system.inertia[node] * (system.position[node] - system.flight[node]);
-            inertia += system.inertia[node];
-        }
-        let mut drift = system.contacts.along_surfaces(drift / inertia);
-        if system.contacts.hold() {
-            let longest = longest_way(0..elimination.free, &system.start, &system.flight);
-            drift = drift.clamp_length_max(MAX_DRIFT * longest);
-        }
-        for position in &mut system.position[..elimination.free] {
-            *position -= drift;
-        }
-    }
-
-    /// Has what rebounds from nothing but itself keep its momentum: Σ (m/h² + ν/h) s = 0 of the steps s that send it back.
-    fn balance_rebound(&mut self) {
-        let Self { elimination, system, surfaces, .. } = self;
-        if surfaces.is_empty() || elimination.is_anchored() || system.contacts.are_held_from_outside() {
-            return;
-        }
-        let (mut drift, mut inertia) = (DVec3::ZERO, 0.0);
-        for node in 0..elimination.free {
-            drift += system.inertia[node] * system.step[node];
-            inertia += system.inertia[node];
-        }
-        system.step[..elimination.free].iter_mut().for_each(|step| *step -= drift / inertia);
     }
 
     /// Writes positions, velocities and accelerations back; what `rebounds` gets the last step for a change of its
