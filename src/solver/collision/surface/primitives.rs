@@ -43,9 +43,10 @@ pub(super) struct Primitives {
     pub near: Near,
     /// Whether there is anything but spheres.
     pub any: bool,
+    /// The edges, springs and seams, with their lengths at rest, m.
+    pub links: Vec<([u32; 2], f32)>,
     /// Working memory.
     loose: Vec<([u32; 2], f32)>,
-    links: Vec<([u32; 2], f32)>,
 }
 
 impl Primitives {

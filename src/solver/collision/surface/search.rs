@@ -36,6 +36,9 @@ const ROUNDING: f32 = 4e-7;
 /// Number of pairs for each primitive, and beside them, from which on there are too many: of what is put into each other.
 const MAX_PAIRS: [usize; 2] = [200, 100_000];
 
+/// How many times as long as at rest an edge must be for its body to have exploded: it collides no more.
+const EXPLODED: f32 = 30.0;
+
 /// Number of pairs for each primitive that are searched anew after some substeps.
 const MANY_PAIRS: usize = 8;
 const MAX_AGE: u32 = 48;
@@ -88,6 +91,9 @@ pub(super) struct Search {
     /// By body: its box, where it has been; which bodies have a partner.
     body_boxes: Vec<Box3>,
     has_partner: Vec<bool>,
+    /// By slot and by body: whether it has exploded.
+    is_lost: Vec<bool>,
+    has_exploded: Vec<bool>,
     origin_means: Vec<Vec3A>,
     order: Vec<(f32, u32)>,
     /// The bodies, balls behind them, whose boxes overlap.
@@ -237,6 +243,7 @@ impl Search {
 
     fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
         let forest = &primitives.forest;
+        self.find_exploded(primitives, moving);
         self.make_boxes(primitives, moving);
         let count = moving.particles.len();
         self.moved.iter_mut().for_each(|moved| moved.resize(count, 0.0));
@@ -256,13 +263,17 @@ impl Search {
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
         let mut finder = Finder { primitives, moving, skins, candidates, rooms, margin: *margin, most };
         let families = moving.particles.families();
-        for body in forest.bodies.iter().filter(|body| !is_one_family(forest.vertices_of(body), families)) {
+        for (body, _) in forest.bodies.iter().zip(&self.has_exploded).filter(|(_, exploded)| !**exploded) {
+            if is_one_family(forest.vertices_of(body), families) {
+                continue;
+            }
             let root = body.nodes.start;
             finder.walk([root, root], (node_within, within, true), stack);
         }
         // The boxes of bodies, swept along x; balls are bodies, too.
         self.order.clear();
-        self.order.extend((0..).zip(&self.body_boxes).map(|(number, body)| (body.least.x, number)));
+        let present = (0..).zip(&self.body_boxes).filter(|(number, _)| !self.has_exploded[*number as usize]);
+        self.order.extend(present.map(|(number, body)| (body.least.x, number)));
         let bodies = forest.bodies.len() as u32;
         let balls = (bodies..).zip(&primitives.balls);
         self.order.extend(balls.map(|(number, slot)| (world[*slot as usize].least.x, number)));
@@ -302,6 +313,24 @@ impl Search {
         if !self.is_complete {
             self.candidates.clear();
         }
+    }
+
+    /// Finds the bodies that have exploded, as by too long explicit steps: all of their primitives would be near each other.
+    fn find_exploded(&mut self, primitives: &Primitives, moving: Moving) {
+        let Self { is_lost, has_exploded, .. } = self;
+        is_lost.clear();
+        is_lost.resize(moving.particles.len(), false);
+        let radius = moving.particles.radius();
+        for ([a, b], length) in &primitives.links {
+            let [a, b] = [*a as usize, *b as usize];
+            let most = EXPLODED * length.max(radius[a] + radius[b]);
+            let is_long = moving.end.get(a).distance_squared(moving.end.get(b)) > most * most;
+            is_lost[a] |= is_long && *length > 0.0;
+        }
+        let forest = &primitives.forest;
+        let has = |body| forest.vertices_of(body).iter().any(|slot| is_lost[*slot as usize]);
+        has_exploded.clear();
+        has_exploded.extend(forest.bodies.iter().map(has));
     }
 
     /// The box of a body, with room for some substeps: while it overlaps no other one, that is all that is to be checked of
