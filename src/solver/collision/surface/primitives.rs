@@ -43,10 +43,12 @@ pub(super) struct Primitives {
     pub near: Near,
     /// Whether there is anything but spheres.
     pub any: bool,
-    /// The edges, springs and seams, with their lengths at rest, m.
-    pub links: Vec<([u32; 2], f32)>,
+    /// How large each body is, at most, at rest, m.
+    pub sizes: Vec<f32>,
     /// Working memory.
     loose: Vec<([u32; 2], f32)>,
+    links: Vec<([u32; 2], f32)>,
+    longest: Vec<f32>,
 }
 
 impl Primitives {
@@ -123,6 +125,18 @@ impl Primitives {
         self.links.extend(edges.chain(self.springs.iter().copied()));
         self.links.extend(mesh.present_seams().map(|ends| (ends, 0.0)));
         self.near.rebuild(&self.links, radius, &self.on_mesh);
+        let Self { sizes, links, longest, forest, .. } = self;
+        longest.clear();
+        longest.extend_from_slice(radius);
+        for (ends, length) in links {
+            ends.iter().for_each(|end| longest[*end as usize] = longest[*end as usize].max(*length));
+        }
+        let longest = |body| {
+            let vertices = forest.vertices_of(body).iter();
+            vertices.map(|slot| longest[*slot as usize]).fold(0.0, f32::max)
+        };
+        sizes.clear();
+        sizes.extend(forest.bodies.iter().map(|body| (body.steps + 1.0) * longest(body)));
     }
 
     /// Where a body is without what its particles have moved relative to each other, m: the mean over some of them.

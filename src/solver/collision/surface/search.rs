@@ -22,8 +22,7 @@ const SKIN: f32 = 0.6;
 /// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
 const FAST_SKIN: [f32; 2] = [2.0, 6.0];
 
-/// Number of substeps, as the one of the search, for which a body is to stay in its box; and how much larger on all sides the
-/// box is, as a part of the body.
+/// For how many substeps, as the one of the search, a body is to stay in its box; and the room on all sides, as a part of it.
 const BODY_SUBSTEPS: f32 = 16.0;
 const BODY_ROOM: f32 = 0.1;
 
@@ -36,8 +35,8 @@ const ROUNDING: f32 = 4e-7;
 /// Number of pairs for each primitive, and beside them, from which on there are too many: of what is put into each other.
 const MAX_PAIRS: [usize; 2] = [200, 100_000];
 
-/// How many times as long as at rest an edge must be for its body to have exploded: it collides no more.
-const EXPLODED: f32 = 30.0;
+/// How many times its size a vertex must be from the mean of its body for that to have exploded: it collides no more.
+const EXPLODED: f32 = 10.0;
 
 /// Number of pairs for each primitive that are searched anew after some substeps.
 const MANY_PAIRS: usize = 8;
@@ -91,8 +90,7 @@ pub(super) struct Search {
     /// By body: its box, where it has been; which bodies have a partner.
     body_boxes: Vec<Box3>,
     has_partner: Vec<bool>,
-    /// By slot and by body: whether it has exploded.
-    is_lost: Vec<bool>,
+    /// By body.
     has_exploded: Vec<bool>,
     origin_means: Vec<Vec3A>,
     order: Vec<(f32, u32)>,
@@ -143,9 +141,8 @@ impl Search {
             self.limits = [-1.0; 2];
             self.measure(primitives, moving);
         }
-        let limits = self.farthest;
-        if limits.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
-            self.limits = limits.map(|farthest| LIMIT_GROWTH * farthest);
+        if self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
+            self.limits = self.farthest.map(|farthest| LIMIT_GROWTH * farthest);
             self.list_close();
         }
         is_new
@@ -167,14 +164,14 @@ impl Search {
         self.close.iter().map(|number| &self.candidates[*number as usize])
     }
 
-    /// The means of where a body's vertices are at the start and at the end, relative to those in the search.
-    fn drift(&self, primitives: &Primitives, number: usize, moving: Moving) -> [Vec3A; 2] {
+    /// The means of where a body's vertices are at the start and at the end, relative to the search; the latter by itself.
+    fn drift(&self, primitives: &Primitives, number: usize, moving: Moving) -> ([Vec3A; 2], Vec3A) {
         let forest = &primitives.forest;
         let vertices = forest.vertices_of(&forest.bodies[number]);
         let origin = self.origin_means[number];
         let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
         let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
-        [Vec3A::from(start) - origin, Vec3A::from(end) - origin]
+        ([Vec3A::from(start) - origin, Vec3A::from(end) - origin], end.into())
     }
 
     /// Whether each vertex is in its boxes.
@@ -182,14 +179,15 @@ impl Search {
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         let mut farthest = [0.0_f32; 2];
         for (number, body) in forest.bodies.iter().enumerate() {
-            let drift = self.drift(primitives, number, moving);
-            let mut all = Box3::NOTHING;
+            let (drift, mean) = self.drift(primitives, number, moving);
+            let (mut has_exploded, mut all) = (false, Box3::NOTHING);
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 let ends = moving.ends(slot);
                 if !(ends[0] + ends[1]).is_finite() {
                     // It is in no box, and leaves the simulation.
                     continue;
                 }
+                has_exploded |= is_lost(ends, mean, primitives.sizes[number]);
                 let (within, reach) = (&self.within[slot], radius[slot]);
                 if !(within.contains(ends[0] - drift[0], reach) && within.contains(ends[1] - drift[1], reach))
                 {
@@ -212,6 +210,9 @@ impl Search {
                     all.least = all.least.min(ends[0].min(ends[1]) - reach);
                     all.most = all.most.max(ends[0].max(ends[1]) + reach);
                 }
+            }
+            if has_exploded != self.has_exploded[number] {
+                return false;
             }
             let own = &self.body_boxes[number];
             let is_found = self.has_partner[number];
@@ -317,20 +318,14 @@ impl Search {
 
     /// Finds the bodies that have exploded, as by too long explicit steps: all of their primitives would be near each other.
     fn find_exploded(&mut self, primitives: &Primitives, moving: Moving) {
-        let Self { is_lost, has_exploded, .. } = self;
-        is_lost.clear();
-        is_lost.resize(moving.particles.len(), false);
-        let radius = moving.particles.radius();
-        for ([a, b], length) in &primitives.links {
-            let [a, b] = [*a as usize, *b as usize];
-            let most = EXPLODED * length.max(radius[a] + radius[b]);
-            let is_long = moving.end.get(a).distance_squared(moving.end.get(b)) > most * most;
-            is_lost[a] |= is_long && *length > 0.0;
-        }
         let forest = &primitives.forest;
-        let has = |body| forest.vertices_of(body).iter().any(|slot| is_lost[*slot as usize]);
-        has_exploded.clear();
-        has_exploded.extend(forest.bodies.iter().map(has));
+        self.has_exploded.clear();
+        for (body, size) in forest.bodies.iter().zip(&primitives.sizes) {
+            let vertices = forest.vertices_of(body);
+            let mean = Primitives::mean(vertices, |slot| moving.end.get(slot)).into();
+            let mut ends = vertices.iter().map(|slot| moving.ends(*slot as usize));
+            self.has_exploded.push(ends.any(|ends| is_lost(ends, mean, *size)));
+        }
     }
 
     /// The box of a body, with room for some substeps: while it overlaps no other one, that is all that is to be checked of
@@ -378,6 +373,11 @@ impl Search {
             self.rooms[1][slot] = room(&self.world[slot], slot, ends[0]);
         }
     }
+}
+
+/// Whether a vertex shows that its body of this size at rest, m, has exploded.
+fn is_lost(ends: [Vec3A; 2], mean: Vec3A, size: f32) -> bool {
+    (ends[0] + ends[1]).is_finite() && ends[1].distance_squared(mean) > (EXPLODED * size).powi(2)
 }
 
 /// Whether no pair of a body collides: all its particles are of one family.

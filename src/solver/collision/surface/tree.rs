@@ -88,6 +88,8 @@ pub(super) struct MeshBody {
     pub nodes: Range<u32>,
     /// Its slots, among the corners in order of the first appearance.
     pub vertices: Range<u32>,
+    /// How many edges it is long, at most.
+    pub steps: f32,
 }
 
 /// All bodies.
@@ -122,9 +124,12 @@ impl Forest {
         for body in keyed.chunk_by_mut(|(one, ..), (other, ..)| one == other) {
             let [nodes, vertices] = [self.nodes.len(), self.vertices.len()].map(|start| start as u32);
             self.split(body, &mut taken);
+            let own = &self.vertices[vertices as usize..];
+            let steps = own.iter().map(|slot| place[*slot as usize].x).fold(0.0, f32::max);
             self.bodies.push(MeshBody {
                 nodes: nodes..self.nodes.len() as u32,
                 vertices: vertices..self.vertices.len() as u32,
+                steps,
             });
         }
     }
