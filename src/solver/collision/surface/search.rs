@@ -164,14 +164,14 @@ impl Search {
         self.close.iter().map(|number| &self.candidates[*number as usize])
     }
 
-    /// The means of where a body's vertices are at the start and at the end, relative to the search; the latter by itself.
-    fn drift(&self, primitives: &Primitives, number: usize, moving: Moving) -> ([Vec3A; 2], Vec3A) {
+    /// The means of where a body's vertices are at the start and at the end, relative to those in the search.
+    fn drift(&self, primitives: &Primitives, number: usize, moving: Moving) -> [Vec3A; 2] {
         let forest = &primitives.forest;
         let vertices = forest.vertices_of(&forest.bodies[number]);
         let origin = self.origin_means[number];
         let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
         let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
-        ([Vec3A::from(start) - origin, Vec3A::from(end) - origin], end.into())
+        [Vec3A::from(start) - origin, Vec3A::from(end) - origin]
     }
 
     /// Whether each vertex is in its boxes.
@@ -179,15 +179,20 @@ impl Search {
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         let mut farthest = [0.0_f32; 2];
         for (number, body) in forest.bodies.iter().enumerate() {
-            let (drift, mean) = self.drift(primitives, number, moving);
-            let (mut has_exploded, mut all) = (false, Box3::NOTHING);
+            let has_exploded = has_exploded(primitives, number, moving);
+            if has_exploded != self.has_exploded[number] {
+                return false;
+            } else if has_exploded {
+                continue;
+            }
+            let drift = self.drift(primitives, number, moving);
+            let mut all = Box3::NOTHING;
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 let ends = moving.ends(slot);
                 if !(ends[0] + ends[1]).is_finite() {
                     // It is in no box, and leaves the simulation.
                     continue;
                 }
-                has_exploded |= is_lost(ends, mean, primitives.sizes[number]);
                 let (within, reach) = (&self.within[slot], radius[slot]);
                 if !(within.contains(ends[0] - drift[0], reach) && within.contains(ends[1] - drift[1], reach))
                 {
@@ -210,9 +215,6 @@ impl Search {
                     all.least = all.least.min(ends[0].min(ends[1]) - reach);
                     all.most = all.most.max(ends[0].max(ends[1]) + reach);
                 }
-            }
-            if has_exploded != self.has_exploded[number] {
-                return false;
             }
             let own = &self.body_boxes[number];
             let is_found = self.has_partner[number];
@@ -244,7 +246,8 @@ impl Search {
 
     fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
         let forest = &primitives.forest;
-        self.find_exploded(primitives, moving);
+        self.has_exploded.clear();
+        self.has_exploded.extend((0..forest.bodies.len()).map(|body| has_exploded(primitives, body, moving)));
         self.make_boxes(primitives, moving);
         let count = moving.particles.len();
         self.moved.iter_mut().for_each(|moved| moved.resize(count, 0.0));
@@ -316,18 +319,6 @@ impl Search {
         }
     }
 
-    /// Finds the bodies that have exploded, as by too long explicit steps: all of their primitives would be near each other.
-    fn find_exploded(&mut self, primitives: &Primitives, moving: Moving) {
-        let forest = &primitives.forest;
-        self.has_exploded.clear();
-        for (body, size) in forest.bodies.iter().zip(&primitives.sizes) {
-            let vertices = forest.vertices_of(body);
-            let mean = Primitives::mean(vertices, |slot| moving.end.get(slot)).into();
-            let mut ends = vertices.iter().map(|slot| moving.ends(*slot as usize));
-            self.has_exploded.push(ends.any(|ends| is_lost(ends, mean, *size)));
-        }
-    }
-
     /// The box of a body, with room for some substeps: while it overlaps no other one, that is all that is to be checked of
     /// where the body is in the world.
     fn roomy(&self, tight: Box3, primitives: &Primitives, body: &MeshBody, moving: Moving) -> Box3 {
@@ -375,9 +366,12 @@ impl Search {
     }
 }
 
-/// Whether a vertex shows that its body of this size at rest, m, has exploded.
-fn is_lost(ends: [Vec3A; 2], mean: Vec3A, size: f32) -> bool {
-    (ends[0] + ends[1]).is_finite() && ends[1].distance_squared(mean) > (EXPLODED * size).powi(2)
+/// Whether a body has exploded, as by too long explicit steps: all of its primitives would be near each other.
+fn has_exploded(primitives: &Primitives, body: usize, moving: Moving) -> bool {
+    let vertices = primitives.forest.vertices_of(&primitives.forest.bodies[body]);
+    let mean = Primitives::mean(vertices, |slot| moving.end.get(slot));
+    let most = (EXPLODED * primitives.sizes[body]).powi(2);
+    vertices.iter().any(|slot| moving.end.get(*slot as usize).distance_squared(mean) > most)
 }
 
 /// Whether no pair of a body collides: all its particles are of one family.
