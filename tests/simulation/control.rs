@@ -59,7 +59,6 @@ fn collisions_are_switched_off_and_on_without_losing_their_values() {
         springs: false,
         restitution: 1.0,
         friction: 0.0,
-        ..default()
     });
     app.world_mut().spawn(ParticleCollider { restitution: 1.0, friction: 0.0, ..default() });
     let sinking = spawn(&mut app, 1.0, 0.25, Vec3::Y);
