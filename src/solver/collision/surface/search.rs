@@ -139,7 +139,8 @@ impl Search {
             self.search(primitives, moving, skins);
             (self.is_good, self.age) = (true, 0);
             self.limits = [-1.0; 2];
-            self.measure(primitives, moving);
+            // Measures how far all are. Beyond all scales it may not hold even now: then the next substep searches, too.
+            self.still_holds(primitives, moving);
         }
         if self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
             self.limits = self.farthest.map(|farthest| LIMIT_GROWTH * farthest);
@@ -236,12 +237,6 @@ impl Search {
         }
         self.farthest = farthest;
         true
-    }
-
-    /// The same measures right after a search.
-    fn measure(&mut self, primitives: &Primitives, moving: Moving) {
-        let holds = self.still_holds(primitives, moving);
-        debug_assert!(holds, "a search holds for the substep that it was made for");
     }
 
     fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
