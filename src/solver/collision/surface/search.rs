@@ -139,8 +139,11 @@ impl Search {
             self.search(primitives, moving, skins);
             (self.is_good, self.age) = (true, 0);
             self.limits = [-1.0; 2];
-            // Measures how far all are. Beyond all scales it may not hold even now: then the next substep searches, too.
-            self.still_holds(primitives, moving);
+            // Beyond all scales it may not hold even now: then all candidates are looked at.
+            if !self.still_holds(primitives, moving) {
+                self.moved.iter_mut().for_each(|moved| moved.fill(f32::INFINITY));
+                self.farthest = [f32::INFINITY; 2];
+            }
         }
         if self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
             self.limits = self.farthest.map(|farthest| LIMIT_GROWTH * farthest);
