@@ -100,7 +100,7 @@ pub enum NetError {
         /// A vertex at each of its ends.
         edge: [u32; 2],
     },
-    /// A closed mesh whose triangles face inwards.
+    /// A closed mesh with triangles that face inwards.
     #[error("the mesh is inside out: it encloses {volume} m³, expected > 0")]
     InsideOut {
         /// The signed volume, m³.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use bevy::math::{DVec3, Vec3};
 
-/// The vertices and triangles of an icosahedron each of whose triangles is divided into four `subdivisions` times, on
+/// The vertices and triangles of an icosahedron with each triangle divided into four `subdivisions` times, on
 /// a sphere: 10 · 4ⁿ + 2 vertices. Those of the icosahedron come first, then those of each division.
 pub(super) fn icosphere(centre: Vec3, radius: f32, subdivisions: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let golden = 0.5 * (1.0 + 5.0_f64.sqrt());

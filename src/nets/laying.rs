@@ -150,7 +150,7 @@ impl Topologies {
     }
 }
 
-/// The entities whose recipe or mesh was inserted and not laid out yet.
+/// The entities with a recipe or mesh that was inserted and not laid out yet.
 #[derive(Resource, Default)]
 struct PendingRecipes(Vec<Entity>);
 

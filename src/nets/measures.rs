@@ -32,7 +32,7 @@ impl ParticleNet {
 
     /// The tension of spring `index`, N, damper included; negative where it pushes, 0 of one that does not exist.
     ///
-    /// It follows from the positions, whose rounding times the stiffness it may err by. While
+    /// It follows from the positions, and may err by their rounding times the stiffness. While
     /// [`SpringForces`](crate::SpringForces) exists it is the solver's at the end of the last tick, which does not.
     pub fn tension(&self, index: usize) -> f32 {
         if let Some(tension) = self.published_tensions().get(index) {

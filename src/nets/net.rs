@@ -16,7 +16,7 @@ use super::{Breaking, Spool, Topology};
 /// one drags along what hangs from it. A value that is not finite is refused with a warning that names the particle.
 /// A [`Part`](crate::nets::Part) gives an entity to one or more particles.
 ///
-/// A net whose topology is [invalid](Topology::validate) is left out of the simulation, with one warning.
+/// A net with an [invalid](Topology::validate) topology is left out of the simulation, with one warning.
 #[derive(Component, Reflect, Debug, Clone, Default, PartialEq)]
 #[reflect(opaque)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]

@@ -59,7 +59,7 @@ impl ParticleNet {
 ///
 /// For a unit quaternion q that sum is qᵀ K q, with a symmetric K (Davenport's q-method: Horn, *Closed-form solution of
 /// absolute orientation using unit quaternions*, 1987): what is sought are its eigenvectors of the largest eigenvalue.
-/// Powers of K + ‖K‖, whose eigenvalues are not negative, project on them.
+/// Powers of K + ‖K‖, which has no negative eigenvalues, project on them.
 fn rotation_of(covariance: DMat3, guess: DQuat) -> DQuat {
     let DMat3 { x_axis, y_axis, z_axis } = covariance;
     let trace = x_axis.x + y_axis.y + z_axis.z;

@@ -12,7 +12,7 @@ mod normals;
 mod primitives;
 mod sweep;
 mod tree;
-mod triangle;
+pub(super) mod triangle;
 mod vicinity;
 
 use std::sync::Arc;

@@ -4,46 +4,72 @@ use bevy::math::DVec3;
 
 /// Where on a triangle its nearest point lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Feature {
+pub(in crate::solver::collision) enum Feature {
     Face,
     /// The edge from this corner to the next one.
     Edge(usize),
     Corner(usize),
 }
 
-/// The point of a triangle that is next to `point`, and what it lies on.
+/// The barycentric coordinates of the point of a triangle that is next to `point`, and what that lies on.
 #[inline]
-pub(super) fn nearest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> (DVec3, Feature) {
+pub(in crate::solver::collision) fn nearest(point: DVec3, [a, b, c]: [DVec3; 3]) -> ([f64; 3], Feature) {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
-        return (a, Feature::Corner(0));
+        return ([1.0, 0.0, 0.0], Feature::Corner(0));
     }
     let bp = point - b;
     let (d3, d4) = (ab.dot(bp), ac.dot(bp));
     if d3 >= 0.0 && d4 <= d3 {
-        return (b, Feature::Corner(1));
+        return ([0.0, 1.0, 0.0], Feature::Corner(1));
     }
     let vc = d1 * d4 - d3 * d2;
     if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return (a + ab * (d1 / (d1 - d3)), Feature::Edge(0));
+        let part = d1 / (d1 - d3);
+        return ([1.0 - part, part, 0.0], Feature::Edge(0));
     }
     let cp = point - c;
     let (d5, d6) = (ab.dot(cp), ac.dot(cp));
     if d6 >= 0.0 && d5 <= d6 {
-        return (c, Feature::Corner(2));
+        return ([0.0, 0.0, 1.0], Feature::Corner(2));
     }
     let vb = d5 * d2 - d1 * d6;
     if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return (a + ac * (d2 / (d2 - d6)), Feature::Edge(2));
+        let part = d2 / (d2 - d6);
+        return ([1.0 - part, 0.0, part], Feature::Edge(2));
     }
     let va = d3 * d6 - d5 * d4;
     let (to_c, to_b) = (d4 - d3, d5 - d6);
     if va <= 0.0 && to_c >= 0.0 && to_b >= 0.0 {
-        return (b + (c - b) * (to_c / (to_c + to_b)), Feature::Edge(1));
+        let part = to_c / (to_c + to_b);
+        return ([0.0, 1.0 - part, part], Feature::Edge(1));
     }
-    let scale = 1.0 / (va + vb + vc);
-    (a + ab * (vb * scale) + ac * (vc * scale), Feature::Face)
+    let sum = va + vb + vc;
+    if sum.is_nan() || sum <= 0.0 {
+        // A triangle without area that its edges have not caught.
+        let part = (d1 / ab.length_squared()).clamp(0.0, 1.0);
+        let part = if part.is_nan() { 0.0 } else { part };
+        return ([1.0 - part, part, 0.0], Feature::Edge(0));
+    }
+    let scale = 1.0 / sum;
+    let (v, w) = (vb * scale, vc * scale);
+    ([1.0 - v - w, v, w], Feature::Face)
+}
+
+/// The same as a point.
+#[inline]
+pub(super) fn nearest_point(point: DVec3, corners: [DVec3; 3]) -> (DVec3, Feature) {
+    let ([_, v, w], feature) = nearest(point, corners);
+    let [a, b, c] = corners;
+    let foot = match feature {
+        Feature::Corner(corner) => corners[corner],
+        Feature::Edge(0) => a + (b - a) * v,
+        Feature::Edge(1) => b + (c - b) * w,
+        Feature::Edge(_) => a + (c - a) * w,
+        Feature::Face => a + (b - a) * v + (c - a) * w,
+    };
+    (foot, feature)
 }
 
 /// When the way from `from` to `to` crosses a triangle, as a part of it, and from which side: whether from that of its
@@ -68,7 +94,7 @@ pub(super) fn crossing(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<
 }
 
 /// The parameters, from 0 to 1, of the points of two segments that are next to each other.
-pub(super) fn nearest_parameters([p, q]: [DVec3; 2], [r, s]: [DVec3; 2]) -> [f64; 2] {
+pub(in crate::solver::collision) fn nearest_parameters([p, q]: [DVec3; 2], [r, s]: [DVec3; 2]) -> [f64; 2] {
     let (d1, d2, apart) = (q - p, s - r, p - r);
     let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(apart));
     if a <= 0.0 && e <= 0.0 {

@@ -4,10 +4,11 @@
 //! a fixed direction is a concave function of time where all move straight on: a pair that is apart along it at the end, too,
 //! was so all the way. That certifies nearly all pairs by a few products. Of the others a conservative advancement says how
 //! far they get; their particles stop there, and the pairs of those are looked at again, until all are certified. As ways only
-//! get shorter, and nobody passes through anything without a way, this ends. Least distances keep rounding away.
+//! get shorter, and nothing is passed without a way, this ends. Least distances keep rounding away.
 
 use bevy::math::Vec3A;
 
+use super::closest::Closest;
 use super::contact::COINCIDENT;
 use super::pair::{LEAST_PART, Ways};
 use super::search::{Moving, Search};
@@ -31,6 +32,8 @@ struct Tight {
     /// Its number among the candidates.
     number: u32,
     direction: Vec3A,
+    /// Those of the closest points at the start; see [`super::contact::Contact`].
+    weights: [f32; 4],
     /// At the start, m.
     distance: f32,
     /// m.
@@ -81,7 +84,7 @@ impl Advance {
         if !is_settled {
             self.stop_all(particles, on_mesh);
         }
-        self.stop_velocities(search, start, particles);
+        self.stop_velocities(search, particles);
         let mut any = false;
         for slot in self.stopped.iter().map(|slot| *slot as usize) {
             // Some are listed more than once.
@@ -96,15 +99,12 @@ impl Advance {
     }
 
     /// Has the sides of what was stopped approach each other no longer: without that springs would drive them on, and on.
-    fn stop_velocities(&self, search: &Search, start: &Vectors, particles: &mut Particles) {
+    fn stop_velocities(&self, search: &Search, particles: &mut Particles) {
         for _ in 0..VELOCITY_ITERATIONS {
             let mut any = false;
             for pair in self.tight.iter().filter(|pair| pair.is_met) {
                 let candidate = &search.candidates[pair.number as usize];
-                let (slots, sides) = (candidate.slots.map(|slot| slot as usize), candidate.kind.first_side());
-                let ways = candidate.ways(Moving { start, end: &particles.position, particles });
-                let mut weights = ways.closest(0.0).weights;
-                weights[sides..].iter_mut().for_each(|weight| *weight = -*weight);
+                let (slots, weights) = (candidate.slots.map(|slot| slot as usize), pair.weights);
                 let inverse_mass = slots.map(|slot| particles.inverse_mass()[slot]);
                 let yields: f32 = (0..4).map(|place| weights[place].powi(2) * inverse_mass[place]).sum();
                 let velocity = slots.map(|slot| Vec3A::from(particles.velocity.get(slot)));
@@ -168,14 +168,15 @@ impl Advance {
                 continue;
             }
             let ways = candidate.ways(moving);
-            let apart = ways.closest(0.0).apart;
+            let Closest { apart, weights } = ways.closest(0.0);
             let distance = apart.length();
             // Also what moves together now may not, once one of its particles is stopped.
             if distance.is_nan() || distance <= COINCIDENT * candidate.reach {
                 continue;
             }
             let (direction, least) = (apart / distance, least.min(KEPT_PART * distance));
-            self.tight.push(Tight { number, direction, distance, least, is_met: false });
+            let weights = candidate.signed(weights);
+            self.tight.push(Tight { number, direction, weights, distance, least, is_met: false });
         }
     }
 
@@ -186,7 +187,7 @@ impl Advance {
         for pair in &mut *tight {
             let candidate = &search.candidates[pair.number as usize];
             let slots = candidate.slots.map(|slot| slot as usize);
-            // In a later round only what has been stopped in the one before concerns anyone.
+            // In a later round only what has been stopped in the one before makes a difference.
             if round > 0 && !slots.iter().any(|slot| parts[*slot] < 1.0 || is_carried[*slot]) {
                 continue;
             }

@@ -1,10 +1,10 @@
 //! Closest points of a point and a triangle, of two edges, and of a point and an edge.
-//!
-//! Ericson, *Real-time collision detection* (2005), sections 5.1.2, 5.1.5 and 5.1.9.
 
 use bevy::math::{DVec3, Vec3A};
 
 use super::pair::Kind;
+
+use super::super::shapes::triangle;
 
 /// The closest points of the two sides of a pair.
 #[derive(Debug, Clone, Copy)]
@@ -21,11 +21,11 @@ pub(super) fn closest(kind: Kind, corners: &[Vec3A; 4]) -> Closest {
     let [a, b, c] = [1, 2, 3].map(|corner| (corners[corner] - corners[0]).as_dvec3());
     let (apart, weights) = match kind {
         Kind::VertexFace => {
-            let [u, v, w] = on_triangle(DVec3::ZERO, [a, b, c]);
+            let ([u, v, w], _) = triangle::nearest(DVec3::ZERO, [a, b, c]);
             (-(u * a + v * b + w * c), [1.0, u, v, w])
         }
         Kind::EdgeEdge => {
-            let [s, t] = on_edges([DVec3::ZERO, a], [b, c]);
+            let [s, t] = triangle::nearest_parameters([DVec3::ZERO, a], [b, c]);
             (s * a - b.lerp(c, t), [1.0 - s, s, 1.0 - t, t])
         }
         Kind::VertexEdge => {
@@ -41,69 +41,6 @@ fn on_edge(point: DVec3, [a, b]: [DVec3; 2]) -> f64 {
     let along = b - a;
     let length = along.length_squared();
     if length > 0.0 { ((point - a).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 }
-}
-
-/// The barycentric coordinates of the point of a triangle that is closest to a point.
-fn on_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, point - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let bp = point - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return [0.0, 1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        let t = d1 / (d1 - d3);
-        return [1.0 - t, t, 0.0];
-    }
-    let cp = point - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        let t = d2 / (d2 - d6);
-        return [1.0 - t, 0.0, t];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return [0.0, 1.0 - t, t];
-    }
-    let sum = va + vb + vc;
-    if sum.is_nan() || sum <= 0.0 {
-        // A triangle without area that its edges have not caught.
-        let t = on_edge(point, [a, b]);
-        return [1.0 - t, t, 0.0];
-    }
-    let (v, w) = (vb / sum, vc / sum);
-    [1.0 - v - w, v, w]
-}
-
-/// Where two edges are closest to each other: 0 to 1 along each.
-fn on_edges([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> [f64; 2] {
-    let (d1, d2, r) = (q1 - p1, q2 - p2, p1 - p2);
-    let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
-    if a == 0.0 {
-        return [0.0, if e > 0.0 { (f / e).clamp(0.0, 1.0) } else { 0.0 }];
-    }
-    let c = d1.dot(r);
-    if e == 0.0 {
-        return [(-c / a).clamp(0.0, 1.0), 0.0];
-    }
-    let b = d1.dot(d2);
-    let denominator = a * e - b * b;
-    // Of edges that are parallel, to rounding, any point will do for a start.
-    let s = if denominator > 1e-12 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.5 };
-    let t = (b * s + f) / e;
-    let clamped = t.clamp(0.0, 1.0);
-    // Also where it was not clamped: parallel ones get their best s.
-    [((b * clamped - c) / a).clamp(0.0, 1.0), clamped]
 }
 
 #[cfg(test)]

@@ -78,6 +78,12 @@ impl Candidate {
         self.distance - most(first) - most(second)
     }
 
+    /// Weights of which those of the second side are negative.
+    pub fn signed(&self, mut weights: [f32; 4]) -> [f32; 4] {
+        weights[self.kind.first_side()..].iter_mut().for_each(|weight| *weight = -*weight);
+        weights
+    }
+
     /// The ways of the corners in the substep.
     pub fn ways(&self, moving: Moving) -> Ways {
         let ends = self.slots.map(|slot| moving.ends(slot as usize));
@@ -166,8 +172,7 @@ impl Examination<'_> {
         if !candidate.owns(&found.weights) {
             return None;
         }
-        let mut weights = found.weights;
-        weights[candidate.kind.first_side()..].iter_mut().for_each(|weight| *weight = -*weight);
+        let weights = candidate.signed(found.weights);
         let particles = self.moving.particles;
         let radius = |place: usize| particles.radius()[candidate.slots[place] as usize];
         let reach: f32 = (0..4).map(|place| weights[place].abs() * radius(place)).sum();

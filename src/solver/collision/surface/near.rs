@@ -20,7 +20,8 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// Finds the ways along `links`, which have a length in m, from each particle that is on the mesh and those that springs join to it.
+    /// Finds the ways along `links`, which have a length in m, from each particle that is on the mesh and those that springs
+    /// join to it.
     pub fn rebuild(&mut self, links: &[([u32; 2], f32)], radius: &[f32], on_mesh: &[bool]) {
         let Self { ways, joined, found, length, front, reached } = self;
         let count = radius.len();

@@ -63,8 +63,6 @@ pub(super) struct Candidate {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Search {
     pub candidates: Vec<Candidate>,
-    /// Whether what was found is all that is needed: too much was not looked at.
-    pub is_complete: bool,
     is_good: bool,
     /// Number of times that it has been good enough since.
     age: u32,
@@ -90,7 +88,7 @@ pub(super) struct Search {
     /// By body: its box, where it has been; which bodies have a partner.
     body_boxes: Vec<Box3>,
     has_partner: Vec<bool>,
-    /// By body.
+    /// By body: whether it has exploded.
     has_exploded: Vec<bool>,
     origin_means: Vec<Vec3A>,
     order: Vec<(f32, u32)>,
@@ -311,8 +309,7 @@ impl Search {
                 }
             }
         }
-        self.is_complete = self.candidates.len() < most;
-        if !self.is_complete {
+        if self.candidates.len() >= most {
             self.candidates.clear();
         }
     }
