@@ -13,6 +13,9 @@ use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
 
+/// Number of times, at most, that what would pass through something is stopped at colliders and at surfaces in turn.
+const MAX_STOPS: u32 = 4;
+
 /// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
@@ -119,7 +122,7 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
-        caches.stop_crossings(state, &inputs.skins, have_touched);
+        caches.stop_crossings(state, inputs, settings.gravity.length() * duration, have_touched);
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
@@ -221,13 +224,30 @@ impl Caches {
         }
     }
 
-    /// Stops what would pass through something; `have_touched` says whether surfaces have.
-    fn stop_crossings(&mut self, state: &mut State, skins: &[Skin], have_touched: bool) {
-        let have_stopped = self.surfaces.stop_crossings(&mut state.particles, skins);
+    /// Stops what would pass through something; nothing rebounds below the `resting_speed`, m/s, and `have_touched` says
+    /// whether surfaces have.
+    fn stop_crossings(&mut self, state: &mut State, inputs: &Inputs, resting_speed: f32, have_touched: bool) {
+        let Inputs { colliders, skins, .. } = inputs;
+        let Self { contacts, surfaces, .. } = self;
+        let mut have_stopped = false;
+        surfaces.begin_stops();
+        // What stops at one may be in the way of the other.
+        for round in 0..MAX_STOPS {
+            let at_colliders =
+                contacts.stop_at_colliders(&mut state.particles, (colliders, skins), resting_speed);
+            let at_surfaces =
+                (round == 0 || at_colliders) && surfaces.stop_crossings(&mut state.particles, skins);
+            have_stopped |= at_colliders || at_surfaces;
+            if !at_surfaces {
+                break;
+            }
+        }
         if have_touched || have_stopped {
             self.scratch.disturb();
             if !state.pulls.is_empty() {
                 self.surfaces.for_each_touching(|slot| state.pulls.touch(slot));
+                let stopped = self.contacts.stopped_at_colliders();
+                stopped.iter().for_each(|slot| state.pulls.touch(*slot as usize));
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Which edges and triangles of nets touch which colliders between their corners, at the end of a substep.
 //!
-//! Half-spaces need no search, as what is between spheres above a plane is above it. An edge is swept where it moves by more
-//! than half its thickness and half that of the collider.
+//! Half-spaces need no search, as what is between spheres above a plane is above it. What moves by more than half its
+//! thickness and half that of the collider is swept.
 //!
 //! The pairs that may touch are listed when a tick begins, and again when the particles have moved by more than the margin of
 //! the list. Each has a *clearance*, by which it is apart for certain: the distance of two solids changes by no more than what
@@ -13,7 +13,7 @@ use bevy::math::{DVec3, Vec3, Vec3A};
 use super::features::{Feature, sum, weigh};
 use super::material::skin_of;
 use super::response::{Approach, Rebound};
-use super::shapes::{Bounds, Deepest, Nearest};
+use super::shapes::{Arrival, Bounds, Deepest, Nearest, Ways};
 use super::touch::Touch;
 use super::touch_search::{Search, rounding};
 use crate::solver::parallel;
@@ -212,18 +212,10 @@ impl Search<'_> {
         let before = starts.map(|start| moment.from.to_local(start));
         let shape = &colliders[placed.numbers[place] as usize].shape;
         let within = rounding(positions[0], radii[0], to.point);
-        let swept = (feature.count == 2).then(|| {
-            let way = before[0].distance(local[0]).max(before[1].distance(local[1]));
-            let radius = 0.5 * radii[0].min(radii[1]);
-            let is_fast = way > radius.max(0.5 * shape.half_thickness());
-            is_fast
-                .then(|| shape.first_touch_of_edge([before[0], before[1]], [local[0], local[1]], radius))?
-        });
-        let found = match swept.flatten() {
-            Some((crossing, weights)) => {
-                let point = sum(local, weights);
-                let height = (point - crossing.foot).dot(crossing.normal);
-                let nearest = Nearest { distance: height, normal: crossing.normal };
+        let found = match shape.swept(&Ways { from: before, to: local, count: feature.count }, radii) {
+            Some(Arrival { normal, foot, weights, .. }) => {
+                let height = (sum(local, weights) - foot).dot(normal);
+                let nearest = Nearest { distance: height, normal };
                 Ok(Deepest { weights, gap: height - weigh(radii, weights), nearest })
             }
             None if feature.count == 2 => {

@@ -1,16 +1,15 @@
 //! Collisions: of particles with colliders and with each other, after each substep.
 //!
-//! Every contact is answered in three steps: the particles are *projected* out of each other (the
-//! correction shared by mass), the approaching part of their velocity is removed, and given back with
-//! the coefficient of restitution; friction acts on what is tangential. A pinned particle has infinite
-//! mass.
+//! Every contact is answered in three steps: the particles are *projected* out of each other (the correction shared by mass),
+//! the approaching part of their velocity is removed, and given back with the coefficient of restitution; friction acts on
+//! what is tangential. A pinned particle has infinite mass.
 //!
-//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the
-//! formulas; `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs`
-//! and `list.rs` which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time;
-//! `pairs.rs`, `plane.rs` and `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are,
-//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` which particles touch them,
-//! `feature_search.rs` which edges and triangles, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
+//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
+//! `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
+//! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
+//! `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are, `shapes/` what they look like,
+//! `material.rs` how they rebound, `touch_search.rs` which particles touch them, `feature_search.rs` which edges and
+//! triangles, `guard.rs` what would pass through, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
 
 mod bodies;
 mod broad_phase;
@@ -21,6 +20,7 @@ mod collider;
 mod feature_search;
 mod features;
 mod grid;
+mod guard;
 mod list;
 mod material;
 mod memory;
@@ -54,6 +54,7 @@ use collider::Placed;
 use feature_search::FeatureSearch;
 use features::Features;
 pub(super) use features::{Feature, sum, weigh};
+use guard::Guard;
 pub(super) use material::skin_of;
 pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
@@ -70,10 +71,8 @@ pub(super) use surface::{StiffContact, Surfaces};
 use sweep::Sweep;
 use touch_search::Touches;
 
-/// Number of iterations, at most, over the velocities of all contacts in each substep.
+/// Number of iterations over all contacts in each substep: over their velocities, at most, and over their positions.
 const VELOCITY_ITERATIONS: usize = 3;
-
-/// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
 
 /// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
@@ -92,6 +91,7 @@ pub(super) struct ContactCaches {
     touches: Touches,
     features: Features,
     feature_search: FeatureSearch,
+    guard: Guard,
     bodies: Vec<Body>,
     /// Positions at the start of the substep, m.
     previous: Vectors,

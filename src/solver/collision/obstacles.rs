@@ -5,7 +5,7 @@ use bevy::math::DVec3;
 use super::collider::{Collider, Moment, Placed};
 use super::features::Feature;
 use super::material::{Skin, skin_of};
-use super::shapes::{Bounds, Placement, Shape};
+use super::shapes::{Bounds, Placement, Shape, Ways};
 use super::{ContactMemory, ContactPartner};
 use crate::solver::particles::Particles;
 use crate::solver::settings::StepSettings;
@@ -98,17 +98,10 @@ impl Obstacle {
         let Form::Solid { shape, from, to, .. } = &self.form else { return None };
         let before = start.map(|corner| from.to_local(corner));
         let local = end.map(|corner| to.to_local(corner));
-        if count == 2 {
-            let way = before[0].distance(local[0]).max(before[1].distance(local[1]));
-            let radius = SWEPT_WAY * radii[0].min(radii[1]);
-            let is_fast = way > radius.max(0.5 * shape.half_thickness());
-            let [ways, ends] = [before, local].map(|corners| [corners[0], corners[1]]);
-            let swept = is_fast.then(|| shape.first_touch_of_edge(ways, ends, radius));
-            if let Some((touch, weights)) = swept.flatten() {
-                let normal = to.direction(shape, touch.normal);
-                let form = Form::HalfSpace { point: to.to_world(touch.foot), normal };
-                return Some((Self { form, ..self.clone() }, weights));
-            }
+        if let Some(found) = shape.swept(&Ways { from: before, to: local, count }, radii) {
+            let normal = to.direction(shape, found.normal);
+            let form = Form::HalfSpace { point: to.to_world(found.foot), normal };
+            return Some((Self { form, ..self.clone() }, found.weights));
         }
         let within = 0.5 * duration * RECOVERY + longest(before, local);
         let find = |corners: [DVec3; 3]| match count {

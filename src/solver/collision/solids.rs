@@ -2,6 +2,8 @@
 
 use super::collider::{Collider, Placed};
 use super::features::Feature;
+use super::guard::Around;
+use super::material::Skin;
 use super::touch_search::Search;
 use super::{ContactCaches, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
@@ -22,6 +24,7 @@ impl ContactCaches {
         if !self.placed.is_empty() {
             self.features.refresh(mesh, elements, settings.collide_springs);
             self.feature_search.begin_tick();
+            self.guard.begin_tick();
         }
     }
 
@@ -44,6 +47,27 @@ impl ContactCaches {
         touches.put_back(particles);
         let search = search(substep, placed, particles, (previous, is_implicit), senses);
         feature_search.find(features.all(), search, &mut touches.all);
+        self.guard.begin_substep();
+    }
+
+    /// Stops what of nets would pass through one in this substep, whatever has moved it; whether there was any.
+    pub fn stop_at_colliders(
+        &mut self,
+        particles: &mut Particles,
+        (colliders, skins): (&[Collider], &[Skin]),
+        resting_speed: f32,
+    ) -> bool {
+        let Self { placed, features, previous: start, guard, .. } = self;
+        if placed.is_empty() {
+            return false;
+        }
+        let features = features.all();
+        guard.stop(Around { features, colliders, placed, skins, start, resting_speed }, particles)
+    }
+
+    /// The particles that were stopped in the last substep, some more than once.
+    pub fn stopped_at_colliders(&self) -> &[u32] {
+        if self.placed.is_empty() { &[] } else { self.guard.stopped() }
     }
 }
 

@@ -16,7 +16,7 @@ use super::triangle::{self, Feature};
 use super::{Kind, Nearest, Shape};
 
 /// A weight below this is none.
-const MIN_WEIGHT: f64 = 1e-3;
+pub(super) const MIN_WEIGHT: f64 = 1e-3;
 
 /// Lines of a triangle that are looked at.
 const MAX_LINES: usize = 24;
@@ -162,6 +162,27 @@ impl Shape {
     pub(super) fn nearest_of_edge(&self, ends: [DVec3; 2]) -> ([f64; 3], Nearest) {
         let (found, _) = Line { shape: self, ends, radii: [0.0; 2] }.least();
         (found.weights, found.nearest)
+    }
+}
+
+impl Shape {
+    /// The point of a triangle, edges included, that is next to a convex shape.
+    pub(super) fn nearest_of_triangle(&self, corners: [DVec3; 3]) -> ([f64; 3], Nearest) {
+        if let Ok(found) = self.deepest_of_convex(corners, [0.0; 3], f64::INFINITY) {
+            return (found.weights, found.nearest);
+        }
+        let edges = [0, 1, 2].map(|edge| {
+            let other = (edge + 1) % 3;
+            let (parts, nearest) = self.nearest_of_edge([corners[edge], corners[other]]);
+            let mut weights = [0.0; 3];
+            (weights[edge], weights[other]) = (parts[0], parts[1]);
+            (weights, nearest)
+        });
+        let [first, second, third] = edges;
+        let nearer = |one: ([f64; 3], Nearest), other: ([f64; 3], Nearest)| {
+            if other.1.distance < one.1.distance { other } else { one }
+        };
+        nearer(nearer(first, second), third)
     }
 }
 

@@ -4,6 +4,7 @@
 //! hulls as meshes, a tree of their triangles; a compound is the union of its parts. All is in f64: what an implicit
 //! step solves for is finer than f32, and only what is near is asked for at all. Big shapes are shared, not copied.
 
+mod arrival;
 mod feature;
 mod fingerprint;
 mod line;
@@ -20,6 +21,7 @@ use std::sync::Arc;
 use bevy::math::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use super::plane::Pose;
+pub(in crate::solver::collision) use arrival::{Arrival, Ways};
 pub(in crate::solver) use feature::Deepest;
 pub(in crate::solver) use fingerprint::Fingerprint;
 use mesh::Mesh;

@@ -1,18 +1,14 @@
 //! Where a ball first meets a shape on a straight way.
 //!
-//! Towards convex shapes by conservative advancement (Mirtich, *Impulse-based dynamic simulation*, 1996): an edge that is d
-//! away from the surface can go on by d, a ball up to the tangent plane. Through the triangles of a mesh the way of its centre is
-//! tested exactly.
+//! Towards convex shapes by conservative advancement (Mirtich, *Impulse-based dynamic simulation*, 1996) up to the tangent
+//! plane. Through the triangles of a mesh the way of its centre is tested exactly.
 
 use bevy::math::DVec3;
 
 use super::{Crossing, Kind, Shape};
 
-/// Steps of an advancement, at most: an edge that grazes a surface for longer than that ends there.
+/// Steps of an advancement, at most: a ball that grazes a surface for longer than that ends there.
 const MAX_STEPS: usize = 48;
-
-/// How far an edge goes on that touches and leaves, as a part of its thickness and that of the shape.
-const MIN_ADVANCE: f64 = 0.1;
 
 /// Steps of a cast, at most: one that grazes a surface for longer than that misses it.
 const MAX_CAST_STEPS: usize = 512;
@@ -40,31 +36,6 @@ impl Shape {
         }
     }
 
-    /// Where an edge between its ends first meets it on the straight ways of these, in its own axes, and which point of the
-    /// edge; `None` where an end meets it first, which is one for the ends. Meshes are not swept by edges.
-    pub(in crate::solver) fn first_touch_of_edge(
-        &self,
-        from: [DVec3; 2],
-        to: [DVec3; 2],
-        radius: f64,
-    ) -> Option<(Crossing, [f64; 3])> {
-        match &self.0 {
-            Kind::Mesh(_) => None,
-            Kind::Flat(shape) => shape.first_touch_of_edge(from, to, radius),
-            Kind::Compound(parts) => {
-                let touches = parts.iter().filter_map(|part| {
-                    let local = |ends: [DVec3; 2]| ends.map(|end| part.placement.to_local(end));
-                    let (touch, weights) = part.shape.first_touch_of_edge(local(from), local(to), radius)?;
-                    let normal = part.placement.rotation * touch.normal;
-                    let foot = part.placement.to_world(touch.foot);
-                    Some((Crossing { foot, normal, ..touch }, weights))
-                });
-                touches.min_by(|(one, _), (other, _)| one.time.total_cmp(&other.time))
-            }
-            _ => self.advance_edge(from, to, radius),
-        }
-    }
-
     /// When a ball first touches it on the way of its centre, in its own axes: as a part of the way, with the point of the
     /// surface and its normal; 0 where it does from the start.
     pub fn cast(&self, from: DVec3, to: DVec3, radius: f64) -> Option<(f64, DVec3, DVec3)> {
@@ -79,40 +50,6 @@ impl Shape {
                 return Some((time, point - nearest.normal * nearest.distance, nearest.normal));
             }
             time += gap / length;
-            // Neither of NaN.
-            if time.is_nan() || time > 1.0 {
-                return None;
-            }
-        }
-        None
-    }
-
-    /// Conservative advancement of an edge towards a convex shape.
-    fn advance_edge(&self, from: [DVec3; 2], to: [DVec3; 2], radius: f64) -> Option<(Crossing, [f64; 3])> {
-        let ways = [to[0] - from[0], to[1] - from[1]];
-        let length = ways[0].length().max(ways[1].length());
-        // Neither of NaN.
-        if !(length > 0.0 && length.is_finite()) {
-            return None;
-        }
-        let touch = TOUCH * (1.0 + from[0].abs().max_element() + to[0].abs().max_element());
-        let mut time = 0.0;
-        for step in 0..=MAX_STEPS {
-            let ends = [0, 1].map(|end| from[end] + ways[end] * time);
-            let (weights, nearest) = self.nearest_of_edge(ends);
-            let gap = nearest.distance - radius;
-            if gap <= touch || step == MAX_STEPS {
-                let [first, second, _] = weights;
-                let way = ways[0] * first + ways[1] * second;
-                if way.dot(nearest.normal) < -1e-12 * length {
-                    let is_inner = first.min(second) > 1e-3;
-                    let foot = ends[0] * first + ends[1] * second - nearest.normal * nearest.distance;
-                    let crossing = Crossing { time, foot, normal: nearest.normal };
-                    return is_inner.then_some((crossing, weights));
-                }
-            }
-            // What leaves may come back, as an edge turns on its way.
-            time += gap.max(MIN_ADVANCE * (radius + self.half_thickness().min(length))) / length;
             // Neither of NaN.
             if time.is_nan() || time > 1.0 {
                 return None;

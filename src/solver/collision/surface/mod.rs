@@ -33,6 +33,7 @@ mod pair;
 mod primitives;
 mod search;
 mod solve;
+mod spread;
 mod stiff;
 mod tree;
 
@@ -160,9 +161,13 @@ impl Surfaces {
         true
     }
 
+    /// To be called before the first stop of a substep.
+    pub fn begin_stops(&mut self) {
+        self.advance.clear();
+    }
+
     /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
     pub fn stop_crossings(&mut self, particles: &mut Particles, skins: &[Skin]) -> bool {
-        self.advance.clear();
         if !self.is_active {
             return false;
         }

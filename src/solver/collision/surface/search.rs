@@ -1,26 +1,21 @@
-//! Which pairs may come near each other: found from boxes in which each vertex stays.
+//! Which pairs may come near each other: found from rooms in which each vertex stays.
 //!
-//! A vertex has two boxes, each around where it is at the start and at the end of the substep of the search, with a skin:
-//! one that goes with the mean of its body, for pairs within the body, and one that stays in the world, for pairs of two
-//! bodies. As long as each vertex is in its boxes no pair can touch that was not found, so that no other search is needed;
-//! what moves together, or is far from all others, uses none of them up.
+//! A vertex has room on all sides twice, more than its way in the substep of the search: in one that goes with its body, for
+//! pairs within the body, and in one that stays in the world, for pairs of two bodies. As long as each vertex is in its rooms no
+//! pair can touch that was not found, so that no other search is needed; what moves together, or is far from all others, uses
+//! none of them up. For all vertices of a body that is told at once (`spread.rs`) while none has moved much.
 
 use bevy::math::Vec3A;
 
 use super::finder::Finder;
 use super::pair::Kind;
 use super::primitives::Primitives;
-use super::tree::{Box3, MeshBody};
+use super::spread::{EachMoved, Spread, room_of};
+use super::tree::Box3;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
-
-/// The skin of a slow vertex, as a part of its radius.
-const SKIN: f32 = 0.6;
-
-/// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
-const FAST_SKIN: [f32; 2] = [2.0, 6.0];
 
 /// For how many substeps, as the one of the search, a body is to stay in its box; and the room on all sides, as a part of it.
 const BODY_SUBSTEPS: f32 = 16.0;
@@ -29,16 +24,13 @@ const BODY_ROOM: f32 = 0.1;
 /// By how much more than it has moved at most a vertex may move before the close candidates are listed anew.
 const LIMIT_GROWTH: f32 = 1.5;
 
-/// Rounding, as a part of a coordinate.
-const ROUNDING: f32 = 4e-7;
-
 /// Number of pairs for each primitive, and beside them, from which on there are too many: of what is put into each other.
 const MAX_PAIRS: [usize; 2] = [200, 100_000];
 
 /// How many times its size a vertex must be from the mean of its body for that to have exploded: it collides no more.
 const EXPLODED: f32 = 10.0;
 
-/// Number of pairs for each primitive that are searched anew after some substeps.
+/// Number of pairs for each primitive that are searched anew after so many substeps, at least.
 const MANY_PAIRS: usize = 8;
 const MAX_AGE: u32 = 48;
 
@@ -66,22 +58,25 @@ pub(super) struct Search {
     is_good: bool,
     /// Number of times that it has been good enough since.
     age: u32,
+    max_age: u32,
     /// How far beyond where they touch pairs are wanted, m.
     margin: f32,
     /// By slot.
     origins: Vectors,
-    within: Vec<Box3>,
-    world: Vec<Box3>,
+    /// By slot: the boxes in which a vertex stays with its radius, with its body and in the world.
+    boxes: [Vec<Box3>; 2],
+    /// By slot: how far each vertex may come from where it was in the search, with its body and in the world, m.
+    rooms: [Vec<f32>; 2],
+    /// By body: the least of them.
+    least_rooms: Vec<[f32; 2]>,
     /// How far each vertex is, or was at the start of the substep, from where it was in the search: with its body, and in
-    /// the world; m.
+    /// the world; m. Known while there are close candidates.
     pub moved: [Vec<f32>; 2],
-    /// The farthest of each.
+    /// At least the farthest of each.
     farthest: [f32; 2],
     /// The numbers of the candidates that may touch before any vertex is farther than `limits`, m, in their order.
     pub close: Vec<u32>,
     limits: [f32; 2],
-    /// How far each vertex may come from there without leaving its boxes, m.
-    rooms: [Vec<f32>; 2],
     /// By node of the forest.
     node_within: Vec<Box3>,
     node_world: Vec<Box3>,
@@ -90,7 +85,10 @@ pub(super) struct Search {
     has_partner: Vec<bool>,
     /// By body: whether it has exploded.
     has_exploded: Vec<bool>,
-    origin_means: Vec<Vec3A>,
+    /// By body: how far it moves as a whole in the substep of the search, m.
+    ways: Vec<Vec3A>,
+    /// By body: the greatest radius, m.
+    largest: Vec<f32>,
     order: Vec<(f32, u32)>,
     /// The bodies, balls behind them, whose boxes overlap.
     partners: Vec<[u32; 2]>,
@@ -130,11 +128,15 @@ impl Search {
         // Those that were found for fast motions are too many for slow ones.
         self.age = self.age.saturating_add(1);
         let many = MANY_PAIRS * (primitives.forest.edges.len() + primitives.forest.triangles.len());
-        self.is_good &= margin <= self.margin && !(self.age > MAX_AGE && self.candidates.len() > many);
+        let is_old = self.age > self.max_age.max(MAX_AGE) && self.candidates.len() > many;
+        self.is_good &= margin <= self.margin && !is_old;
         let is_new = !(self.is_good && self.still_holds(primitives, moving));
         if is_new {
             self.margin = self.margin.max(margin);
             self.search(primitives, moving, skins);
+            // Where that finds as many again, it is done less often.
+            let is_in_vain = is_old && self.candidates.len() > many;
+            self.max_age = if is_in_vain { self.max_age.max(MAX_AGE).saturating_mul(2) } else { MAX_AGE };
             (self.is_good, self.age) = (true, 0);
             self.limits = [-1.0; 2];
             // Beyond all scales it may not hold even now: then all candidates are looked at.
@@ -145,7 +147,11 @@ impl Search {
         }
         if self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
             self.limits = self.farthest.map(|farthest| LIMIT_GROWTH * farthest);
+            let had_any = !self.close.is_empty();
             self.list_close();
+            if !had_any && !self.close.is_empty() && self.farthest[0] < f32::INFINITY {
+                self.measure_all(primitives, moving);
+            }
         }
         is_new
     }
@@ -166,66 +172,37 @@ impl Search {
         self.close.iter().map(|number| &self.candidates[*number as usize])
     }
 
-    /// The means of where a body's vertices are at the start and at the end, relative to those in the search.
-    fn drift(&self, primitives: &Primitives, number: usize, moving: Moving) -> [Vec3A; 2] {
-        let forest = &primitives.forest;
-        let vertices = forest.vertices_of(&forest.bodies[number]);
-        let origin = self.origin_means[number];
-        let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
-        let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
-        [Vec3A::from(start) - origin, Vec3A::from(end) - origin]
-    }
-
-    /// Whether each vertex is in its boxes.
+    /// Whether each vertex is in its rooms.
     fn still_holds(&mut self, primitives: &Primitives, moving: Moving) -> bool {
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
+        let wants_each = !self.close.is_empty();
         let mut farthest = [0.0_f32; 2];
         for (number, body) in forest.bodies.iter().enumerate() {
-            let has_exploded = has_exploded(primitives, number, moving);
+            let spread = Spread::of(&body.runs, moving, &self.origins);
+            let has_exploded = has_exploded(primitives, number, &spread, moving);
             if has_exploded != self.has_exploded[number] {
                 return false;
             } else if has_exploded {
                 continue;
             }
-            let drift = self.drift(primitives, number, moving);
-            let mut all = Box3::NOTHING;
-            for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
-                let ends = moving.ends(slot);
-                if !(ends[0] + ends[1]).is_finite() {
-                    // It is in no box, and leaves the simulation.
-                    continue;
-                }
-                let (within, reach) = (&self.within[slot], radius[slot]);
-                if !(within.contains(ends[0] - drift[0], reach) && within.contains(ends[1] - drift[1], reach))
-                {
+            let frames = if self.has_partner[number] { 2 } else { 1 };
+            let (mut own, rooms) = (spread.farthest(), self.least_rooms[number]);
+            let is_clear = (0..frames).all(|frame| own[frame] <= rooms[frame]);
+            if wants_each || !is_clear {
+                own = [0.0; 2];
+                if !self.measure_each(primitives, (number, &spread), moving, &mut own) {
                     return false;
                 }
-                let origin = Vec3A::from(self.origins.get(slot));
-                let moved = |[one, other]: [Vec3A; 2]| {
-                    (one - origin).length_squared().max((other - origin).length_squared()).sqrt()
-                };
-                self.moved[0][slot] = moved([ends[0] - drift[0], ends[1] - drift[1]]);
-                farthest[0] = farthest[0].max(self.moved[0][slot]);
-                if self.has_partner[number] {
-                    let world = &self.world[slot];
-                    if !(world.contains(ends[0], reach) && world.contains(ends[1], reach)) {
-                        return false;
-                    }
-                    self.moved[1][slot] = moved(ends);
-                    farthest[1] = farthest[1].max(self.moved[1][slot]);
-                } else {
-                    all.least = all.least.min(ends[0].min(ends[1]) - reach);
-                    all.most = all.most.max(ends[0].max(ends[1]) + reach);
-                }
             }
-            let own = &self.body_boxes[number];
-            let is_found = self.has_partner[number];
-            if !is_found && [all.least, all.most].iter().any(|end| !own.contains(*end, 0.0)) {
+            (0..frames).for_each(|frame| farthest[frame] = farthest[frame].max(own[frame]));
+            let (all, reach) = (spread.position, self.largest[number]);
+            let is_in = |end: Vec3A| self.body_boxes[number].contains(end, reach);
+            if frames == 1 && !(is_in(all.least) && is_in(all.most)) {
                 return false;
             }
         }
         for slot in primitives.balls.iter().map(|slot| *slot as usize) {
-            let (ends, world) = (moving.ends(slot), &self.world[slot]);
+            let (ends, world) = (moving.ends(slot), &self.boxes[1][slot]);
             if !(ends[0] + ends[1]).is_finite() {
                 continue;
             }
@@ -240,25 +217,58 @@ impl Search {
         true
     }
 
+    /// Measures how far each vertex of all bodies has moved.
+    fn measure_all(&mut self, primitives: &Primitives, moving: Moving) {
+        for (number, body) in primitives.forest.bodies.iter().enumerate() {
+            let spread = Spread::of(&body.runs, moving, &self.origins);
+            self.measure_each(primitives, (number, &spread), moving, &mut [0.0; 2]);
+        }
+    }
+
+    /// Measures how far each vertex of a body has moved; whether all are in their rooms.
+    fn measure_each(
+        &mut self,
+        primitives: &Primitives,
+        (number, spread): (usize, &Spread),
+        moving: Moving,
+        farthest: &mut [f32; 2],
+    ) -> bool {
+        let (origins, runs) = (&self.origins, &primitives.forest.bodies[number].runs[..]);
+        let frames = if self.has_partner[number] { 2 } else { 1 };
+        let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
+        let mut is_beyond = false;
+        for frame in 0..frames {
+            pulp::Arch::new().dispatch(EachMoved {
+                runs,
+                moving,
+                origins,
+                drift: drifts[frame],
+                rooms: &self.rooms[frame],
+                moved: &mut self.moved[frame],
+                farthest: &mut farthest[frame],
+                is_beyond: &mut is_beyond,
+            });
+        }
+        !is_beyond
+    }
+
     fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
         let forest = &primitives.forest;
-        self.has_exploded.clear();
-        self.has_exploded.extend((0..forest.bodies.len()).map(|body| has_exploded(primitives, body, moving)));
         self.make_boxes(primitives, moving);
         let count = moving.particles.len();
         self.moved.iter_mut().for_each(|moved| moved.resize(count, 0.0));
         self.node_within.resize(forest.nodes.len(), Box3::NOTHING);
         self.node_world.resize(forest.nodes.len(), Box3::NOTHING);
         self.body_boxes.clear();
-        for body in &forest.bodies {
-            forest.fit(body, &self.within, &mut self.node_within);
-            forest.fit(body, &self.world, &mut self.node_world);
-            let tight = self.node_world[body.nodes.start as usize];
-            self.body_boxes.push(self.roomy(tight, primitives, body, moving));
+        for (number, body) in forest.bodies.iter().enumerate() {
+            forest.fit(body, &self.boxes[0], &mut self.node_within);
+            forest.fit(body, &self.boxes[1], &mut self.node_world);
+            self.body_boxes.push(roomy(self.node_world[body.nodes.start as usize], self.ways[number]));
         }
         self.has_partner.clear();
         self.has_partner.resize(forest.bodies.len(), false);
-        let Self { candidates, node_within, node_world, within, world, stack, rooms, margin, .. } = self;
+        let Self { candidates, node_within, node_world, boxes, stack, rooms, margin, .. } = self;
+        let [within, world] = boxes;
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
         let mut finder = Finder { primitives, moving, skins, candidates, rooms, margin: *margin, most };
@@ -314,76 +324,68 @@ impl Search {
         }
     }
 
-    /// The box of a body, with room for some substeps: while it overlaps no other one, that is all that is to be checked of
-    /// where the body is in the world.
-    fn roomy(&self, tight: Box3, primitives: &Primitives, body: &MeshBody, moving: Moving) -> Box3 {
-        let vertices = primitives.forest.vertices_of(body);
-        let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
-        let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
-        let way = BODY_SUBSTEPS * Vec3A::from(end - start);
-        let room = BODY_ROOM * (tight.most - tight.least);
-        let (least, most) = (tight.least - room, tight.most + room);
-        Box3 { least: least.min(least + way), most: most.max(most + way) }
-    }
-
-    /// Gives the vertices their boxes.
+    /// Gives the vertices their rooms and boxes.
     fn make_boxes(&mut self, primitives: &Primitives, moving: Moving) {
-        let (count, forest, margin) = (moving.particles.len(), &primitives.forest, self.margin);
-        self.origins.copy_from(moving.start);
-        self.within.resize(count, Box3::NOTHING);
-        self.world.resize(count, Box3::NOTHING);
-        self.origin_means.clear();
-        let radius = moving.particles.radius();
-        self.rooms.iter_mut().for_each(|rooms| rooms.resize(count, 0.0));
-        let room = |own: &Box3, slot: usize, origin: Vec3A| {
-            let farthest = (own.most - origin).max(origin - own.least);
-            if farthest.is_finite() { (farthest.length() - radius[slot]).max(0.0) } else { 0.0 }
+        let Self { origins, boxes, rooms, least_rooms, has_exploded, ways, largest, .. } = self;
+        let (forest, radius) = (&primitives.forest, moving.particles.radius());
+        origins.copy_from(moving.start);
+        boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
+        rooms.iter_mut().for_each(|rooms| rooms.resize(moving.particles.len(), 0.0));
+        has_exploded.clear();
+        least_rooms.clear();
+        ways.clear();
+        largest.clear();
+        let margin = self.margin;
+        let mut place = |slot: usize, way: Vec3A, frame: usize| {
+            let (room, place) = room_of(moving.ends(slot), way, (radius[slot], margin));
+            (rooms[frame][slot], boxes[frame][slot]) = (room, place);
+            room
         };
-        for body in &forest.bodies {
-            let vertices = forest.vertices_of(body);
-            let start = Primitives::mean(vertices, |slot| moving.start.get(slot));
-            let end = Primitives::mean(vertices, |slot| moving.end.get(slot));
-            let drift = Vec3A::from(end) - Vec3A::from(start);
-            self.origin_means.push(start.into());
-            for slot in vertices.iter().map(|slot| *slot as usize) {
-                let ends = moving.ends(slot);
-                self.within[slot] = box_around([ends[0], ends[1] - drift], radius[slot], margin);
-                self.world[slot] = box_around(ends, radius[slot], margin);
-                self.rooms[0][slot] = room(&self.within[slot], slot, ends[0]);
-                self.rooms[1][slot] = room(&self.world[slot], slot, ends[0]);
+        for (number, body) in forest.bodies.iter().enumerate() {
+            let spread = Spread::of(&body.runs, moving, origins);
+            has_exploded.push(self::has_exploded(primitives, number, &spread, moving));
+            let [_, drift] = spread.drift();
+            let (mut least, mut thickest) = ([f32::INFINITY; 2], 0.0_f32);
+            for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
+                let [start, end] = moving.ends(slot);
+                for (frame, way) in [end - start - drift, end - start].into_iter().enumerate() {
+                    least[frame] = least[frame].min(place(slot, way, frame));
+                }
+                thickest = thickest.max(radius[slot]);
             }
+            least_rooms.push(least);
+            largest.push(thickest);
+            ways.push(drift);
         }
         for slot in primitives.balls.iter().map(|slot| *slot as usize) {
-            let ends = moving.ends(slot);
-            self.world[slot] = box_around(ends, radius[slot], margin);
-            self.rooms[1][slot] = room(&self.world[slot], slot, ends[0]);
+            let [start, end] = moving.ends(slot);
+            place(slot, end - start, 1);
         }
     }
 }
 
 /// Whether a body has exploded, as by too long explicit steps: all of its primitives would be near each other.
-fn has_exploded(primitives: &Primitives, body: usize, moving: Moving) -> bool {
+fn has_exploded(primitives: &Primitives, body: usize, spread: &Spread, moving: Moving) -> bool {
+    let most = EXPLODED * primitives.sizes[body];
+    if (spread.position.most - spread.position.least).length_squared() <= most * most {
+        return false;
+    }
     let vertices = primitives.forest.vertices_of(&primitives.forest.bodies[body]);
     let mean = Primitives::mean(vertices, |slot| moving.end.get(slot));
-    let most = (EXPLODED * primitives.sizes[body]).powi(2);
-    vertices.iter().any(|slot| moving.end.get(*slot as usize).distance_squared(mean) > most)
+    vertices.iter().any(|slot| moving.end.get(*slot as usize).distance_squared(mean) > most * most)
+}
+
+/// The box of a body, with room for some substeps, in each of which it goes a `way`: while it overlaps no other one, that is
+/// all that is to be checked of where the body is in the world.
+fn roomy(tight: Box3, way: Vec3A) -> Box3 {
+    let way = BODY_SUBSTEPS * way;
+    let room = BODY_ROOM * (tight.most - tight.least);
+    let (least, most) = (tight.least - room, tight.most + room);
+    Box3 { least: least.min(least + way), most: most.max(most + way) }
 }
 
 /// Whether no pair of a body collides: all its particles are of one family.
 fn is_one_family(vertices: &[u32], families: &[u32]) -> bool {
     !families.is_empty()
         && vertices.iter().all(|slot| Exclusions::are_of_one_family(families, vertices[0], *slot))
-}
-
-/// The box of a vertex of a `radius` that is at both places, with radius and skin.
-#[inline(always)]
-fn box_around([start, end]: [Vec3A; 2], radius: f32, margin: f32) -> Box3 {
-    if !(start + end).is_finite() {
-        return Box3::NOTHING;
-    }
-    let way = start.distance(end);
-    let skin = (SKIN * radius).max((FAST_SKIN[0] * way).min(FAST_SKIN[1] * radius));
-    let rounding = ROUNDING * start.abs().max(end.abs()).max_element();
-    let reach = Vec3A::splat(radius + skin + 0.5 * margin + rounding + f32::MIN_POSITIVE);
-    Box3 { least: start.min(end) - reach, most: start.max(end) + reach }
 }

@@ -88,6 +88,8 @@ pub(super) struct MeshBody {
     pub nodes: Range<u32>,
     /// Its slots, among the corners in order of the first appearance.
     pub vertices: Range<u32>,
+    /// Its slots again, in ranges.
+    pub runs: Vec<Range<u32>>,
     /// How many edges it is long, at most.
     pub steps: f32,
 }
@@ -129,6 +131,7 @@ impl Forest {
             self.bodies.push(MeshBody {
                 nodes: nodes..self.nodes.len() as u32,
                 vertices: vertices..self.vertices.len() as u32,
+                runs: runs_of(own),
                 steps,
             });
         }
@@ -202,6 +205,14 @@ impl Forest {
             };
         }
     }
+}
+
+/// Slots in ranges, in ascending order.
+fn runs_of(slots: &[u32]) -> Vec<Range<u32>> {
+    let mut slots = slots.to_vec();
+    slots.sort_unstable();
+    let runs = slots.chunk_by(|one, other| one + 1 == *other);
+    runs.map(|run| run[0]..run[0] + run.len() as u32).collect()
 }
 
 /// The least slot of what hangs together with each slot.

@@ -1,0 +1,284 @@
+//! The last word on where edges and triangles of nets go in a substep: none passes through a collider, whatever has moved it.
+//!
+//! Contacts push out what is nearest to the surface; what is fast may be beyond a thin solid by then, or be pushed by others. So
+//! each feature that moves by more than half its thickness and half that of the solid is followed on its way (`shapes/arrival.rs`).
+//! Where it would come nearer than a part of its thickness, its corners stop, and go along with the collider; as others share
+//! these, they are looked at again, until none is stopped any more. What stops has had an impact: it keeps its velocity along
+//! the surface, and rebounds by the coefficient of restitution.
+
+use bevy::math::{DVec3, Vec3A};
+
+use super::collider::{Collider, Placed};
+use super::features::Feature;
+use super::material::{Skin, skin_of};
+use super::shapes::{Arrival, Bounds, Ways};
+use super::touch_search::rounding;
+use crate::solver::particles::{Particles, Vectors};
+
+/// Number of features whose colliders are looked for together.
+const CHUNK: usize = 16;
+
+/// The part of its radius that is always left between a feature and a collider.
+const LEAST_PART: f64 = 0.1;
+
+/// The way above which a feature is followed, as a part of its radius or of half the thickness of the collider.
+const FOLLOWED_PART: f32 = 0.5;
+
+/// Number of rounds after which what would pass goes along with the collider all the way, and number of rounds at most.
+const PATIENT_ROUNDS: u32 = 6;
+const MAX_ROUNDS: u32 = 32;
+
+/// Number of iterations over the velocities of what was stopped, at most.
+const VELOCITY_ITERATIONS: usize = 32;
+
+/// What a substep has of the surroundings.
+#[derive(Clone, Copy)]
+pub(super) struct Around<'a> {
+    pub features: &'a [Feature],
+    pub colliders: &'a [Collider],
+    pub placed: &'a Placed,
+    pub skins: &'a [Skin],
+    /// Positions at the start of the substep, m.
+    pub start: &'a Vectors,
+    /// Below this speed nothing rebounds, m/s.
+    pub resting_speed: f32,
+}
+
+/// Working memory.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Guard {
+    /// The way up to which no feature is followed in this tick, m.
+    slow_way: Option<f32>,
+    /// How far each particle moves in the substep, m.
+    ways: Vec<f32>,
+    /// The numbers of the features and the places of the colliders that are followed.
+    pairs: Vec<[u32; 2]>,
+    near: Vec<u32>,
+    /// By slot: whether it was stopped in this round, or in the one before.
+    is_new: [Vec<bool>; 2],
+    stopped: Vec<u32>,
+    met: Vec<Met>,
+}
+
+/// A feature that was stopped.
+#[derive(Debug, Clone, Copy)]
+struct Met {
+    slots: [usize; 3],
+    count: usize,
+    weights: [f32; 3],
+    normal: Vec3A,
+    surface_velocity: Vec3A,
+    /// Its velocity along the normal afterwards, m/s, at least.
+    target_velocity: f32,
+}
+
+impl Guard {
+    /// The particles that were stopped in the last substep.
+    pub fn stopped(&self) -> &[u32] {
+        &self.stopped
+    }
+
+    /// To be called when a tick begins.
+    pub fn begin_tick(&mut self) {
+        self.slow_way = None;
+        self.stopped.clear();
+    }
+
+    /// To be called when a substep begins.
+    pub fn begin_substep(&mut self) {
+        self.stopped.clear();
+    }
+
+    /// Stops the features that would pass through a collider; whether there were any.
+    pub fn stop(&mut self, around: Around, particles: &mut Particles) -> bool {
+        if around.features.is_empty() || around.placed.is_empty() {
+            return false;
+        }
+        self.list_pairs(around, particles);
+        if self.pairs.is_empty() {
+            return false;
+        }
+        self.met.clear();
+        for flags in &mut self.is_new {
+            flags.clear();
+            flags.resize(particles.len(), false);
+        }
+        let known = self.stopped.len();
+        for round in 0..MAX_ROUNDS {
+            if !self.go_round(around, particles, round) {
+                break;
+            }
+        }
+        self.solve_velocities(particles);
+        self.stopped.len() > known
+    }
+
+    /// Lists the features that are fast, and the colliders that are near them.
+    fn list_pairs(&mut self, around: Around, particles: &Particles) {
+        let Around { features, colliders, placed, skins, start, .. } = around;
+        let Self { ways, pairs, near, .. } = self;
+        pairs.clear();
+        let [from, to] = [start, &particles.position].map(Vectors::axes);
+        ways.clear();
+        ways.extend((0..particles.len()).map(|slot| {
+            let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
+            (square(0) + square(1) + square(2)).sqrt()
+        }));
+        let radius = |feature: &Feature| {
+            let [a, b, c] = feature.corners.map(|slot| particles.radius()[slot as usize]);
+            a.min(b).min(c)
+        };
+        let collider_way = placed.moving().map(|place| placed.longest_way(place, colliders));
+        let collider_way = collider_way.fold(0.0, f32::max);
+        let slow_way = *self.slow_way.get_or_insert_with(|| {
+            let thickness =
+                placed.numbers.iter().map(|number| colliders[*number as usize].shape.half_thickness() as f32);
+            let radii = features.iter().map(radius);
+            FOLLOWED_PART * radii.fold(f32::INFINITY, f32::min).max(thickness.fold(f32::INFINITY, f32::min))
+        });
+        if ways.iter().copied().fold(0.0, f32::max) + collider_way <= slow_way {
+            return;
+        }
+        let own_way = |feature: &Feature| {
+            let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
+            a.max(b).max(c)
+        };
+        let is_fast = |feature: &Feature| own_way(feature) + collider_way > FOLLOWED_PART * radius(feature);
+        for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
+            if !chunk.iter().any(is_fast) {
+                continue;
+            }
+            let fast = chunk.iter().filter(|feature| is_fast(feature));
+            let bounds = fast.map(|feature| bounds_of(feature, start, particles));
+            placed.near(&bounds.fold(Bounds::EMPTY, Bounds::union), near);
+            if near.is_empty() {
+                continue;
+            }
+            for (number, feature) in (first..).zip(chunk).filter(|(_, feature)| is_fast(feature)) {
+                let bounds = bounds_of(feature, start, particles);
+                let layers = skin_of(skins, feature.corners[0] as usize).layers;
+                for place in near.iter().copied() {
+                    let collider = &colliders[placed.numbers[place as usize] as usize];
+                    let way = own_way(feature) + placed.longest_way(place as usize, colliders);
+                    let is_slow = way <= FOLLOWED_PART * collider.shape.half_thickness() as f32;
+                    let is_solid = !collider.is_sensor && layers.meet(collider.layers);
+                    if is_solid && !is_slow && placed.bounds[place as usize].overlaps(&bounds) {
+                        pairs.push([number, place]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Stops those that come too near, in their order; whether there were any.
+    fn go_round(&mut self, around: Around, particles: &mut Particles, round: u32) -> bool {
+        let Around { features, colliders, placed, start, .. } = around;
+        let Self { pairs, is_new, stopped, met, .. } = self;
+        is_new.swap(0, 1);
+        is_new[0].fill(false);
+        let mut any = false;
+        for [number, place] in pairs.iter().copied() {
+            let (feature, place) = (&features[number as usize], place as usize);
+            let slots = feature.corners.map(|slot| slot as usize);
+            if round > 0 && !slots.iter().any(|slot| is_new[0][*slot] || is_new[1][*slot]) {
+                continue;
+            }
+            if slots.iter().all(|slot| particles.is_pinned(*slot)) {
+                continue;
+            }
+            let moment = &placed.moments[place];
+            let positions = slots.map(|slot| particles.position.get(slot).as_dvec3());
+            let ways = Ways {
+                from: slots.map(|slot| moment.from.to_local(start.get(slot).as_dvec3())),
+                to: positions.map(|position| moment.to.to_local(position)),
+                count: feature.count,
+            };
+            let radius = slots.map(|slot| f64::from(particles.radius()[slot]));
+            let radius = radius[0].min(radius[1]).min(radius[2]);
+            let least = (LEAST_PART * radius).max(4.0 * rounding(positions[0], radius, moment.to.point));
+            let collider = &colliders[placed.numbers[place] as usize];
+            let Some(arrival) = collider.shape.arrival(&ways, least) else { continue };
+            let time = if round < PATIENT_ROUNDS { arrival.time } else { 0.0 };
+            for corner in 0..feature.count {
+                if particles.is_pinned(slots[corner]) {
+                    continue;
+                }
+                let local = ways.from[corner].lerp(ways.to[corner], time);
+                particles.position.set(slots[corner], moment.to.to_world(local).as_vec3());
+                is_new[0][slots[corner]] = true;
+                stopped.push(slots[corner] as u32);
+            }
+            any = true;
+            met.push(around.meet((feature, place), &arrival, particles));
+        }
+        any
+    }
+
+    /// Has what was stopped approach no longer.
+    fn solve_velocities(&self, particles: &mut Particles) {
+        for _ in 0..VELOCITY_ITERATIONS {
+            let mut any = false;
+            for met in &self.met {
+                let inverse_mass = met.slots.map(|slot| particles.inverse_mass()[slot]);
+                let yields: f32 =
+                    (0..met.count).map(|corner| met.weights[corner].powi(2) * inverse_mass[corner]).sum();
+                let missing = met.target_velocity - met.speed(particles);
+                if missing.is_nan() || missing <= 1e-6 * met.target_velocity.abs() || yields == 0.0 {
+                    continue;
+                }
+                any = true;
+                for corner in 0..met.count {
+                    let share = met.weights[corner] * inverse_mass[corner] / yields;
+                    let velocity = Vec3A::from(particles.velocity.get(met.slots[corner]));
+                    let velocity = velocity + met.normal * (missing * share);
+                    particles.velocity.set(met.slots[corner], velocity.into());
+                }
+            }
+            if !any {
+                return;
+            }
+        }
+    }
+}
+
+impl Met {
+    /// The velocity along the normal, relative to the surface, m/s.
+    fn speed(&self, particles: &Particles) -> f32 {
+        let each = (0..self.count)
+            .map(|corner| Vec3A::from(particles.velocity.get(self.slots[corner])) * self.weights[corner]);
+        (each.sum::<Vec3A>() - self.surface_velocity).dot(self.normal)
+    }
+}
+
+impl Around<'_> {
+    /// The impact of a feature that was stopped.
+    fn meet(&self, (feature, place): (&Feature, usize), arrival: &Arrival, particles: &Particles) -> Met {
+        let moment = &self.placed.moments[place];
+        let collider = &self.colliders[self.placed.numbers[place] as usize];
+        let slots = feature.corners.map(|slot| slot as usize);
+        let normal: DVec3 = moment.to.direction(&collider.shape, arrival.normal);
+        let surface_velocity = moment.velocity_at(collider, moment.to.to_world(arrival.foot));
+        let met = Met {
+            slots,
+            count: feature.count,
+            weights: arrival.weights.map(|weight| weight as f32),
+            normal: Vec3A::from(normal.as_vec3()),
+            surface_velocity: Vec3A::from(surface_velocity.as_vec3()),
+            target_velocity: 0.0,
+        };
+        let [restitution, _] = collider.material.between(skin_of(self.skins, slots[0]).material);
+        let rebound = -restitution * met.speed(particles);
+        Met { target_velocity: if rebound > self.resting_speed { rebound } else { 0.0 }, ..met }
+    }
+}
+
+/// What bounds a feature and its way.
+fn bounds_of(feature: &Feature, start: &Vectors, particles: &Particles) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    for slot in feature.corners.map(|slot| slot as usize) {
+        bounds = bounds.with(start.get(slot)).with(particles.position.get(slot));
+    }
+    let size = bounds.low.abs().max(bounds.high.abs()).max_element();
+    let radius = feature.corners.map(|slot| particles.radius()[slot as usize]);
+    bounds.grown(LEAST_PART as f32 * radius[0].max(radius[1]).max(radius[2]) + 64.0 * f32::EPSILON * size)
+}

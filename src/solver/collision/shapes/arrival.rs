@@ -1,0 +1,327 @@
+//! How far an edge or a triangle of a net gets, on straight ways of its corners, before it comes near a shape.
+//!
+//! A convex solid lies behind the plane that touches it next to the feature, and how high a corner is above a plane is a linear
+//! function of time: until the first corner is as low as may be, nothing is nearer. From there the next plane leads on (conservative
+//! advancement, Mirtich 1996, by the planes of Gilbert, Johnson and Keerthi's separating axes). Each triangle of a mesh is such a
+//! solid. What is not apart at the start is left alone.
+
+use bevy::math::DVec3;
+
+use super::feature::MIN_WEIGHT;
+use super::mesh::{Mesh, MeshKind};
+use super::tree::Bounds;
+use super::{Kind, Shape, triangle};
+
+/// The way above which a feature is swept, as a part of its radius and of half the thickness of the shape.
+const SWEPT_WAY: f64 = 0.5;
+
+/// Number of planes, at most: a feature that grazes a surface for longer than that ends there.
+const MAX_STEPS: usize = 48;
+
+/// The part of the present distance below which a feature does not come that is nearer than the least distance already.
+const KEPT_PART: f64 = 0.97;
+
+/// What ends its way at this part of the least distance or above has not come too near: rounding of where it was put.
+const TOLERATED_PART: f64 = 0.9;
+
+/// A way shorter than this part of the least distance is none.
+const NO_WAY: f64 = 0.02;
+
+/// The ways of the corners of an edge or a triangle in a substep, in the axes of a shape.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver::collision) struct Ways {
+    /// m; of an edge the last corner is the one before.
+    pub from: [DVec3; 3],
+    /// m.
+    pub to: [DVec3; 3],
+    pub count: usize,
+}
+
+/// Where a feature comes near a shape.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver::collision) struct Arrival {
+    /// As a part of its way.
+    pub time: f64,
+    /// From the shape to it.
+    pub normal: DVec3,
+    /// The point of the shape next to it.
+    pub foot: DVec3,
+    /// The parts of the corners in its point next to the shape.
+    pub weights: [f64; 3],
+}
+
+impl Ways {
+    pub fn at(&self, time: f64) -> [DVec3; 3] {
+        [0, 1, 2].map(|corner| self.from[corner].lerp(self.to[corner], time))
+    }
+
+    /// The longest of them, m.
+    pub fn longest(&self) -> f64 {
+        (0..self.count).map(|corner| self.from[corner].distance(self.to[corner])).fold(0.0, f64::max)
+    }
+
+    fn in_part(&self, part: &super::Part) -> Self {
+        let local = |corners: [DVec3; 3]| corners.map(|corner| part.placement.to_local(corner));
+        Self { from: local(self.from), to: local(self.to), ..*self }
+    }
+
+    /// Where it comes as near as `least` m to what `separation` tells a plane of.
+    fn advance(&self, least: f64, separation: impl Fn([DVec3; 3]) -> Option<Separation>) -> Option<Arrival> {
+        let longest = self.longest();
+        // Neither of NaN.
+        if !(longest > 0.0 && longest.is_finite()) {
+            return None;
+        }
+        let mut limit = least;
+        let mut arrival: Option<Arrival> = None;
+        let mut time = 0.0;
+        for step in 0..=MAX_STEPS {
+            let at = self.at(time);
+            let Some(Separation { normal, foot, weights }) = separation(at) else { return arrival };
+            let height = |corner: usize| normal.dot(at[corner] - foot);
+            let gap = (0..self.count).map(height).fold(f64::INFINITY, f64::min);
+            if step == 0 {
+                if gap.is_nan() || gap <= 0.0 {
+                    return None;
+                }
+                limit = least.min(KEPT_PART * gap);
+            }
+            // For how long each corner stays as high as that.
+            let until = |limit: f64| {
+                let each = (0..self.count).map(|corner| {
+                    let sink = -normal.dot(self.to[corner] - self.from[corner]);
+                    if sink > 0.0 { (height(corner) - limit).max(0.0) / sink } else { f64::INFINITY }
+                });
+                each.fold(f64::INFINITY, f64::min)
+            };
+            if time + until(TOLERATED_PART * limit) >= 1.0 {
+                return None;
+            }
+            arrival = Some(Arrival { time, normal, foot, weights });
+            let next = until(limit);
+            if next * longest <= NO_WAY * limit || time + next >= 1.0 {
+                return arrival;
+            }
+            time += next;
+        }
+        arrival
+    }
+}
+
+/// The points of a feature and of a solid that are next to each other.
+struct Separation {
+    /// From the solid to the feature.
+    normal: DVec3,
+    /// All of the solid is behind the plane through this point.
+    foot: DVec3,
+    weights: [f64; 3],
+}
+
+impl Shape {
+    /// Where a feature meets it between its corners, if it moves by more than half its thickness and half that of the shape;
+    /// what meets it at a corner is left to that.
+    pub(in crate::solver::collision) fn swept(&self, ways: &Ways, radii: [f64; 3]) -> Option<Arrival> {
+        let radius = SWEPT_WAY * radii[0].min(radii[1]).min(radii[2]);
+        if ways.longest() <= radius.max(SWEPT_WAY * self.half_thickness()) {
+            return None;
+        }
+        let is_inner =
+            |found: &Arrival| found.weights[..ways.count].iter().all(|weight| *weight > MIN_WEIGHT);
+        self.arrival(ways, radius).filter(is_inner)
+    }
+
+    /// Where a feature comes as near as `least` m to it, or where it goes on from nearer than that; `None` if it never does.
+    pub(in crate::solver::collision) fn arrival(&self, ways: &Ways, least: f64) -> Option<Arrival> {
+        match &self.0 {
+            Kind::Mesh(mesh) => mesh.arrival(ways, least),
+            Kind::Flat(shape) => shape.arrival(ways, least),
+            Kind::Compound(parts) => first(parts.iter().filter_map(|part| {
+                let found = part.shape.arrival(&ways.in_part(part), least)?;
+                let normal = part.placement.rotation * found.normal;
+                Some(Arrival { normal, foot: part.placement.to_world(found.foot), ..found })
+            })),
+            _ if self.is_passed_by(ways, least) => None,
+            _ => ways.advance(least, |corners| self.separation(corners, ways.count)),
+        }
+    }
+
+    /// Whether the plane next to one of the corners tells that nothing comes near.
+    fn is_passed_by(&self, ways: &Ways, least: f64) -> bool {
+        ways.from[..ways.count].iter().any(|corner| {
+            let nearest = self.nearest(*corner, 0.0);
+            let foot = *corner - nearest.normal * nearest.distance;
+            let is_high = |corner: &DVec3| nearest.normal.dot(*corner - foot) >= least;
+            let ends = ways.from[..ways.count].iter().chain(&ways.to[..ways.count]);
+            nearest.distance > 0.0 && { ends }.all(is_high)
+        })
+    }
+
+    /// The plane between a convex shape and a feature.
+    fn separation(&self, corners: [DVec3; 3], count: usize) -> Option<Separation> {
+        let (weights, nearest) = match count {
+            2 => self.nearest_of_edge([corners[0], corners[1]]),
+            _ => self.nearest_of_triangle(corners),
+        };
+        let point = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let foot = point - nearest.normal * nearest.distance;
+        (nearest.distance > 0.0).then_some(Separation { normal: nearest.normal, foot, weights })
+    }
+}
+
+impl Mesh {
+    fn arrival(&self, ways: &Ways, least: f64) -> Option<Arrival> {
+        let ends = ways.from.iter().chain(&ways.to);
+        let bounds = ends.fold(Bounds::EMPTY, |all, corner| all.with(corner.as_vec3()));
+        let size = bounds.low.abs().max(bounds.high.abs()).max_element();
+        let mut found: Option<Arrival> = None;
+        self.overlapping(&bounds.grown(least as f32 + 8.0 * f32::EPSILON * size), |_, facet| {
+            let side =
+                (self.kind != MeshKind::TwoSided).then(|| (facet[1] - facet[0]).cross(facet[2] - facet[0]));
+            let arrival = ways.advance(least, |corners| {
+                let found = separation_from(corners, ways.count, facet)?;
+                // What is behind comes out.
+                let is_behind = side.is_some_and(|side| side.dot(found.normal) < -1e-6 * side.length());
+                (!is_behind).then_some(found)
+            });
+            found = first(found.into_iter().chain(arrival));
+        });
+        found
+    }
+}
+
+/// The one that comes first.
+fn first(arrivals: impl Iterator<Item = Arrival>) -> Option<Arrival> {
+    arrivals.reduce(|one, other| if other.time < one.time { other } else { one })
+}
+
+/// The plane between a triangle and a feature; none where they cross.
+fn separation_from(corners: [DVec3; 3], count: usize, facet: [DVec3; 3]) -> Option<Separation> {
+    let edges = |corners: [DVec3; 3]| [0, 1, 2].map(|edge| [corners[edge], corners[(edge + 1) % 3]]);
+    let sides = if count == 2 { 1 } else { 3 };
+    let crosses = |[from, to]: [DVec3; 2], corners| triangle::crossing(from, to, corners).is_some();
+    if edges(corners)[..sides].iter().any(|edge| crosses(*edge, facet))
+        || count == 3 && edges(facet).iter().any(|edge| crosses(*edge, corners))
+    {
+        return None;
+    }
+    let mut best: Option<(f64, [DVec3; 2], [f64; 3])> = None;
+    let mut offer = |point: DVec3, foot: DVec3, weights: [f64; 3]| {
+        let square = point.distance_squared(foot);
+        if best.as_ref().is_none_or(|(least, ..)| square < *least) {
+            best = Some((square, [point, foot], weights));
+        }
+    };
+    for corner in 0..count {
+        let mut weights = [0.0; 3];
+        weights[corner] = 1.0;
+        offer(corners[corner], triangle::nearest_point(corners[corner], facet).0, weights);
+    }
+    if count == 3 {
+        for corner in facet {
+            let (weights, _) = triangle::nearest(corner, corners);
+            let [a, b, c] = corners;
+            offer(a * weights[0] + b * weights[1] + c * weights[2], corner, weights);
+        }
+    }
+    for (side, own) in edges(corners)[..sides].iter().enumerate() {
+        for other in edges(facet) {
+            let [part, across] = triangle::nearest_parameters(*own, other);
+            let mut weights = [0.0; 3];
+            (weights[side], weights[(side + 1) % 3]) = (1.0 - part, part);
+            offer(own[0].lerp(own[1], part), other[0].lerp(other[1], across), weights);
+        }
+    }
+    let (square, [point, foot], weights) = best?;
+    let normal = (point - foot) / square.sqrt();
+    // By rounding a corner of the facet may be in front of that plane.
+    let most = facet.iter().map(|corner| normal.dot(*corner - foot)).fold(0.0, f64::max);
+    normal.is_finite().then_some(Separation { normal, foot: foot + normal * most, weights })
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::{Quat, Vec3};
+
+    use super::super::mesh::tests::box_mesh;
+    use super::*;
+
+    const TRIANGLE: [DVec3; 3] =
+        [DVec3::new(-0.3, 0.0, -0.2), DVec3::new(0.4, 0.0, -0.1), DVec3::new(0.0, 0.0, 0.5)];
+
+    fn fall(height: f64, way: DVec3, turn: Quat, count: usize) -> Ways {
+        let mut from = TRIANGLE.map(|corner| turn.as_dquat() * corner + DVec3::Y * height);
+        if count == 2 {
+            from[2] = from[1];
+        }
+        Ways { from, to: from.map(|corner| corner + way), count }
+    }
+
+    /// The least gap at a time, by points all over the feature.
+    fn gap(shape: &Shape, corners: [DVec3; 3]) -> f64 {
+        let mut least = f64::INFINITY;
+        for one in 0..=60 {
+            for other in 0..=60 - one {
+                let [v, w] = [one, other].map(|part| f64::from(part) / 60.0);
+                let point = corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w;
+                least = least.min(shape.nearest(point, 0.0).distance);
+            }
+        }
+        least
+    }
+
+    #[test]
+    fn a_feature_stops_in_front_of_each_shape_and_never_stops_where_it_passes() {
+        let (vertices, triangles) = box_mesh();
+        let shapes = [
+            Shape::ball(0.2),
+            Shape::capsule(0.02, 0.6),
+            Shape::cuboid(Vec3::new(1.0, 0.001, 1.0)),
+            Shape::frustum([0.3, 0.0], 0.2),
+            Shape::mesh(&vertices, &triangles, false).unwrap(),
+            Shape::mesh(&[Vec3::X, Vec3::Z, Vec3::NEG_X], &[[0, 1, 2]], false).unwrap(),
+            Shape::compound([(Vec3::Y * 0.1, Quat::from_rotation_z(0.4), Shape::cuboid(Vec3::splat(0.2)))]),
+        ];
+        let least = 1e-3;
+        let mut counts = [0; 2];
+        for shape in &shapes {
+            for number in 0..120_u32 {
+                let part = |scale: u32| (number * scale % 101) as f32 / 101.0 - 0.5;
+                let turn =
+                    Quat::from_euler(bevy::math::EulerRot::XYZ, 6.0 * part(13), 6.0 * part(29), part(7));
+                let way = DVec3::new(f64::from(part(37)), -60.0, f64::from(part(53)));
+                let count = 2 + (number % 2) as usize;
+                let mut ways = fall(3.0 + f64::from(part(17)), way, turn, count);
+                let aside = DVec3::new(f64::from(2.0 * part(71)), 0.0, f64::from(2.0 * part(83)));
+                (ways.from, ways.to) = (ways.from.map(|at| at + aside), ways.to.map(|at| at + aside));
+                // Where it first comes near, by small steps.
+                let times = (0..=6000).map(|step| f64::from(step) / 60_000.0);
+                let coarse = { times }.find(|time| gap(shape, ways.at(*time)) <= 0.5 * least);
+                let found = shape.arrival(&ways, least);
+                counts[usize::from(found.is_some())] += 1;
+                match (found, coarse) {
+                    (Some(found), _) => {
+                        let there = gap(shape, ways.at(found.time));
+                        assert!(there >= 0.9 * least, "{shape:?} {number}: {there}");
+                        assert!(coarse.is_none_or(|time| found.time <= time), "{shape:?} {number}");
+                        // Points of a grid are next to what it meets, or a few cells away.
+                        assert!(there < 0.03, "{shape:?} {number}: stopped {there} m before");
+                    }
+                    (None, Some(time)) => panic!("{shape:?} {number}: passes at {time}"),
+                    (None, None) => {}
+                }
+            }
+        }
+        assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
+    }
+
+    #[test]
+    fn what_is_inside_or_behind_is_left_alone() {
+        let out = fall(0.0, DVec3::Y * 9.0, Quat::IDENTITY, 3);
+        assert!(Shape::ball(1.0).arrival(&out, 1e-3).is_none());
+        let (vertices, triangles) = box_mesh();
+        let shape = Shape::mesh(&vertices, &triangles, false).unwrap();
+        let small = |corner: DVec3| corner * 0.1;
+        let out = Ways { from: out.from.map(small), to: out.to, ..out };
+        assert!(shape.arrival(&out, 1e-3).is_none());
+    }
+}
