@@ -65,8 +65,13 @@ impl Ways {
         Self { from: local(self.from), to: local(self.to), ..*self }
     }
 
-    /// Where it comes as near as `least` m to what `separation` tells a plane of.
-    fn advance(&self, least: f64, separation: impl Fn([DVec3; 3]) -> Option<Separation>) -> Option<Arrival> {
+    /// Where it comes as near as `least` m to what `separation` tells a plane of, from the side to which `front` points, if any.
+    fn advance(
+        &self,
+        least: f64,
+        front: Option<DVec3>,
+        separation: impl Fn([DVec3; 3]) -> Option<Separation>,
+    ) -> Option<Arrival> {
         let longest = self.longest();
         // Neither of NaN.
         if !(longest > 0.0 && longest.is_finite()) {
@@ -78,6 +83,10 @@ impl Ways {
         for step in 0..=MAX_STEPS {
             let at = self.at(time);
             let Some(Separation { normal, foot, weights }) = separation(at) else { return arrival };
+            if front.is_some_and(|front| front.dot(normal) < -1e-6) {
+                // What is behind comes out.
+                return None;
+            }
             let height = |corner: usize| normal.dot(at[corner] - foot);
             let gap = (0..self.count).map(height).fold(f64::INFINITY, f64::min);
             if step == 0 {
@@ -141,7 +150,7 @@ impl Shape {
                 Some(Arrival { normal, foot: part.placement.to_world(found.foot), ..found })
             })),
             _ if self.is_passed_by(ways, least) => None,
-            _ => ways.advance(least, |corners| self.separation(corners, ways.count)),
+            _ => ways.advance(least, None, |corners| self.separation(corners, ways.count)),
         }
     }
 
@@ -175,14 +184,9 @@ impl Mesh {
         let size = bounds.low.abs().max(bounds.high.abs()).max_element();
         let mut found: Option<Arrival> = None;
         self.overlapping(&bounds.grown(least as f32 + 8.0 * f32::EPSILON * size), |_, facet| {
-            let side =
-                (self.kind != MeshKind::TwoSided).then(|| (facet[1] - facet[0]).cross(facet[2] - facet[0]));
-            let arrival = ways.advance(least, |corners| {
-                let found = separation_from(corners, ways.count, facet)?;
-                // What is behind comes out.
-                let is_behind = side.is_some_and(|side| side.dot(found.normal) < -1e-6 * side.length());
-                (!is_behind).then_some(found)
-            });
+            let front = (facet[1] - facet[0]).cross(facet[2] - facet[0]).try_normalize();
+            let front = front.filter(|_| self.kind != MeshKind::TwoSided);
+            let arrival = ways.advance(least, front, |corners| separation_from(corners, ways.count, facet));
             found = first(found.into_iter().chain(arrival));
         });
         found
@@ -258,10 +262,14 @@ mod tests {
 
     /// The least gap at a time, by points all over the feature.
     fn gap(shape: &Shape, corners: [DVec3; 3]) -> f64 {
-        let mut least = f64::INFINITY;
-        for one in 0..=60 {
-            for other in 0..=60 - one {
-                let [v, w] = [one, other].map(|part| f64::from(part) / 60.0);
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let mut least = shape.nearest(middle, 0.0).distance;
+        if least > 0.8 {
+            return least;
+        }
+        for one in 0..=24 {
+            for other in 0..=24 - one {
+                let [v, w] = [one, other].map(|part| f64::from(part) / 24.0);
                 let point = corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w;
                 least = least.min(shape.nearest(point, 0.0).distance);
             }
@@ -294,7 +302,7 @@ mod tests {
                 let aside = DVec3::new(f64::from(2.0 * part(71)), 0.0, f64::from(2.0 * part(83)));
                 (ways.from, ways.to) = (ways.from.map(|at| at + aside), ways.to.map(|at| at + aside));
                 // Where it first comes near, by small steps.
-                let times = (0..=6000).map(|step| f64::from(step) / 60_000.0);
+                let times = (0..=2000).map(|step| f64::from(step) / 20_000.0);
                 let coarse = { times }.find(|time| gap(shape, ways.at(*time)) <= 0.5 * least);
                 let found = shape.arrival(&ways, least);
                 counts[usize::from(found.is_some())] += 1;
@@ -304,7 +312,7 @@ mod tests {
                         assert!(there >= 0.9 * least, "{shape:?} {number}: {there}");
                         assert!(coarse.is_none_or(|time| found.time <= time), "{shape:?} {number}");
                         // Points of a grid are next to what it meets, or a few cells away.
-                        assert!(there < 0.03, "{shape:?} {number}: stopped {there} m before");
+                        assert!(there < 0.05, "{shape:?} {number}: stopped {there} m before");
                     }
                     (None, Some(time)) => panic!("{shape:?} {number}: passes at {time}"),
                     (None, None) => {}
