@@ -181,6 +181,8 @@ struct Outcome {
     through: u32,
     /// Of which some point was inside by more than 1 % of the radius at the end, six ticks after they can have passed it.
     inside: u32,
+    /// Of those, how deep the deepest was, m.
+    deepest: f64,
 }
 
 /// Shoots nets from 2 m away in random directions at a shape in a random attitude, one substep a tick of 1/480 s, at speeds
@@ -205,9 +207,23 @@ fn shoot(
         let local = |shot: &Shot| shot.places().into_iter().map(|place| inverse * place).collect::<Vec<_>>();
         let mut before = local(&shot);
         let mut is_through = false;
+        let mut log = String::new();
         for _ in 0..6 + (4.0 * 480.0 / speed) as u32 {
             shot.state.step(&settings);
             let now = local(&shot);
+            if std::env::var("DBG").is_ok() {
+                let d: Vec<f64> = now.iter().map(|p| shape.depth(*p, NET_RADIUS)).collect();
+                let m = d.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let i = d.iter().position(|x| *x == m).unwrap();
+                log.push_str(&format!(
+                    "{:.2e} {:?} w {:?} v {:?} |",
+                    m,
+                    shot.points[i].0,
+                    shot.points[i].1,
+                    shot.points[i].0.map(|s| shot.state.velocity(s))
+                ));
+                log.push('\n');
+            }
             is_through |= before.iter().zip(&now).any(|(from, to)| core.cast(*from, *to, 0.0).is_some());
             before = now;
         }
@@ -215,6 +231,10 @@ fn shoot(
         let deepest =
             before.iter().map(|place| shape.depth(*place, NET_RADIUS)).fold(f64::NEG_INFINITY, f64::max);
         outcome.through += u32::from(is_through);
+        if deepest > 0.002 && std::env::var("DBG").is_ok() {
+            println!("{scheme:?} cloth {is_cloth} speed {speed}\n{log}");
+        }
+        outcome.deepest = outcome.deepest.max(deepest);
         outcome.inside += u32::from(deepest > 0.01 * f64::from(NET_RADIUS) + 2e-5);
     }
     outcome

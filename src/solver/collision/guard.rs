@@ -1,15 +1,16 @@
 //! The last word on where edges and triangles of nets go in a substep: none passes through a collider, whatever has moved it.
 //!
 //! Contacts push out what is nearest to the surface; what is fast may be beyond a thin solid by then, or be pushed by others. So
-//! each feature that moves by more than half its thickness and half that of the solid is followed on its way (`shapes/arrival.rs`).
-//! Where it would come nearer than a part of its thickness, its corners stop, and go along with the collider; as others share
-//! these, they are looked at again, until none is stopped any more. What stops has had an impact: it keeps its velocity along
-//! the surface, and rebounds by the coefficient of restitution.
+//! each feature that moves by more than half its radius, or, without one, half the thickness of the solid, is followed on its way (`shapes/arrival.rs`).
+//! Where it would come nearer than a part of its thickness, it is pushed out of what it meets there, so that it goes on along the
+//! surface; as others share its corners, they are looked at again, until none is pushed any more. Where that does not end, corners
+//! stop, and go along with the collider. What is pushed or stopped has had an impact: it keeps its velocity along the surface, and
+//! rebounds by the coefficient of restitution.
 
 use bevy::math::{DVec3, Vec3A};
 
-use super::collider::{Collider, Placed};
-use super::features::Feature;
+use super::collider::{Collider, Moment, Placed};
+use super::features::{Feature, sum};
 use super::material::{Skin, skin_of};
 use super::shapes::{Arrival, Bounds, Ways};
 use super::touch_search::rounding;
@@ -21,11 +22,15 @@ const CHUNK: usize = 16;
 /// The part of its radius that is always left between a feature and a collider.
 const LEAST_PART: f64 = 0.1;
 
-/// The way above which a feature is followed, as a part of its radius or of half the thickness of the collider.
+/// The way above which a feature is followed, as a part of its radius, or, without one, of half the thickness of the collider.
 const FOLLOWED_PART: f32 = 0.5;
 
-/// Number of rounds after which what would pass goes along with the collider all the way, and number of rounds at most.
-const PATIENT_ROUNDS: u32 = 6;
+/// Number of rounds in which features are pushed out where they meet something; then, of those in which all their corners are lifted
+/// above it, and of those in which they stop where they would pass, before they go along with the collider all the way; and of all,
+/// at most.
+const PUSHING_ROUNDS: u32 = 4;
+const LIFTING_ROUNDS: u32 = 8;
+const STOPPING_ROUNDS: u32 = 6;
 const MAX_ROUNDS: u32 = 32;
 
 /// Number of iterations over the velocities of what was stopped, at most.
@@ -133,8 +138,9 @@ impl Guard {
         let slow_way = *self.slow_way.get_or_insert_with(|| {
             let thickness =
                 placed.numbers.iter().map(|number| colliders[*number as usize].shape.half_thickness() as f32);
-            let radii = features.iter().map(radius);
-            FOLLOWED_PART * radii.fold(f32::INFINITY, f32::min).max(thickness.fold(f32::INFINITY, f32::min))
+            let thinnest = thickness.fold(f32::INFINITY, f32::min);
+            let each = features.iter().map(radius).map(|radius| if radius > 0.0 { radius } else { thinnest });
+            FOLLOWED_PART * each.fold(f32::INFINITY, f32::min)
         });
         if ways.iter().copied().fold(0.0, f32::max) + collider_way <= slow_way {
             return;
@@ -160,7 +166,8 @@ impl Guard {
                 for place in near.iter().copied() {
                     let collider = &colliders[placed.numbers[place as usize] as usize];
                     let way = own_way(feature) + placed.longest_way(place as usize, colliders);
-                    let is_slow = way <= FOLLOWED_PART * collider.shape.half_thickness() as f32;
+                    let is_thin = radius(feature) == 0.0;
+                    let is_slow = is_thin && way <= FOLLOWED_PART * collider.shape.half_thickness() as f32;
                     let is_solid = !collider.is_sensor && layers.meet(collider.layers);
                     if is_solid && !is_slow && placed.bounds[place as usize].overlaps(&bounds) {
                         pairs.push([number, place]);
@@ -198,18 +205,25 @@ impl Guard {
             let least = (LEAST_PART * radius).max(4.0 * rounding(positions[0], radius, moment.to.point));
             let collider = &colliders[placed.numbers[place] as usize];
             let Some(arrival) = collider.shape.arrival(&ways, least) else { continue };
-            let time = if round < PATIENT_ROUNDS { arrival.time } else { 0.0 };
-            for corner in 0..feature.count {
-                if particles.is_pinned(slots[corner]) {
-                    continue;
-                }
-                let local = ways.from[corner].lerp(ways.to[corner], time);
-                particles.position.set(slots[corner], moment.to.to_world(local).as_vec3());
-                is_new[0][slots[corner]] = true;
-                stopped.push(slots[corner] as u32);
-            }
             any = true;
-            met.push(around.meet((feature, place), &arrival, particles));
+            let mut answer = Answer { ways, arrival, collider, moment, slots, particles };
+            if round < PUSHING_ROUNDS {
+                answer.push();
+                met.push(around.meet((feature, place), &arrival, particles));
+            } else if round < PUSHING_ROUNDS + LIFTING_ROUNDS {
+                for corner in answer.lift() {
+                    let mut weights = [0.0; 3];
+                    weights[corner] = 1.0;
+                    met.push(around.meet((feature, place), &Arrival { weights, ..arrival }, particles));
+                }
+            } else {
+                let is_patient = round < PUSHING_ROUNDS + LIFTING_ROUNDS + STOPPING_ROUNDS;
+                answer.stop(if is_patient { arrival.time } else { 0.0 });
+            }
+            for slot in slots.into_iter().filter(|slot| !particles.is_pinned(*slot)) {
+                is_new[0][slot] = true;
+                stopped.push(slot as u32);
+            }
         }
         any
     }
@@ -236,6 +250,66 @@ impl Guard {
             }
             if !any {
                 return;
+            }
+        }
+    }
+}
+
+/// A feature that would come too near to a collider.
+struct Answer<'a> {
+    ways: Ways,
+    arrival: Arrival,
+    collider: &'a Collider,
+    moment: &'a Moment,
+    slots: [usize; 3],
+    particles: &'a mut Particles,
+}
+
+impl Answer<'_> {
+    /// Puts the free corners where they are to end, in the axes of the shape.
+    fn put(&mut self, place: impl Fn(usize) -> Option<DVec3>) {
+        for corner in 0..self.ways.count {
+            let slot = self.slots[corner];
+            if let Some(local) = place(corner).filter(|_| !self.particles.is_pinned(slot)) {
+                self.particles.position.set(slot, self.moment.to.to_world(local).as_vec3());
+            }
+        }
+    }
+
+    /// Pushes it out at the point that meets the shape, each corner by its share.
+    fn push(&mut self) {
+        let Self { ways, arrival, .. } = *self;
+        let inverse_mass = self.slots.map(|slot| f64::from(self.particles.inverse_mass()[slot]));
+        let share = |corner: usize| arrival.weights[corner] * inverse_mass[corner];
+        let yields: f64 = (0..ways.count).map(|corner| arrival.weights[corner] * share(corner)).sum();
+        let height = (sum(ways.to, arrival.weights) - arrival.foot).dot(arrival.normal);
+        let push = ((arrival.limit - height) / yields).max(0.0);
+        if push.is_finite() {
+            self.put(|corner| Some(ways.to[corner] + arrival.normal * (push * share(corner))));
+        }
+    }
+
+    /// Lifts each corner above the plane between it and the shape; those that were below it.
+    fn lift(&mut self) -> impl Iterator<Item = usize> + use<> {
+        let Self { ways, arrival, .. } = *self;
+        let missing = move |corner: usize| {
+            let height = (ways.to[corner] - arrival.foot).dot(arrival.normal);
+            Some(arrival.limit - height).filter(|missing| *missing > 0.0)
+        };
+        self.put(|corner| Some(ways.to[corner] + arrival.normal * missing(corner)?));
+        (0..ways.count).filter(move |corner| missing(*corner).is_some())
+    }
+
+    /// Has it go the part `time` of its way, relative to the collider, and as fast.
+    fn stop(&mut self, time: f64) {
+        let ways = self.ways;
+        self.put(|corner| Some(ways.from[corner].lerp(ways.to[corner], time)));
+        for slot in self.slots[..ways.count].iter().copied() {
+            if !self.particles.is_pinned(slot) {
+                let position = self.particles.position.get(slot).as_dvec3();
+                let surface = self.moment.velocity_at(self.collider, position);
+                let velocity = self.particles.velocity.get(slot).as_dvec3();
+                self.particles.velocity.set(slot, surface.lerp(velocity, time).as_vec3());
             }
         }
     }

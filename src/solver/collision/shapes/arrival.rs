@@ -48,6 +48,8 @@ pub(in crate::solver::collision) struct Arrival {
     pub foot: DVec3,
     /// The parts of the corners in its point next to the shape.
     pub weights: [f64; 3],
+    /// How far it stays from the shape, m.
+    pub limit: f64,
 }
 
 impl Ways {
@@ -90,10 +92,11 @@ impl Ways {
             let height = |corner: usize| normal.dot(at[corner] - foot);
             let gap = (0..self.count).map(height).fold(f64::INFINITY, f64::min);
             if step == 0 {
-                if gap.is_nan() || gap <= 0.0 {
+                if gap.is_nan() {
                     return None;
                 }
-                limit = least.min(KEPT_PART * gap);
+                // Not above 0 where the plane is not known well: it stays.
+                limit = least.min(KEPT_PART * gap.max(0.0));
             }
             // For how long each corner stays as high as that.
             let until = |limit: f64| {
@@ -106,7 +109,7 @@ impl Ways {
             if time + until(TOLERATED_PART * limit) >= 1.0 {
                 return None;
             }
-            arrival = Some(Arrival { time, normal, foot, weights });
+            arrival = Some(Arrival { time, normal, foot, weights, limit });
             let next = until(limit);
             if next * longest <= NO_WAY * limit || time + next >= 1.0 {
                 return arrival;
