@@ -1,7 +1,7 @@
 //! The last word on where edges and triangles of nets go in a substep: none passes through a collider, whatever has moved it.
 //!
 //! Contacts push out what is nearest to the surface; what is fast may be beyond a thin solid by then, or be pushed by others. So
-//! each feature that moves by more than half its radius, or, without one, half the thickness of the solid, is followed on its way (`shapes/arrival.rs`).
+//! each feature that moves by more than a part of its radius and of the thickness of the solid is followed on its way (`shapes/arrival.rs`).
 //! Where it would come nearer than a part of its thickness, it is pushed out of what it meets there, so that it goes on along the
 //! surface; as others share its corners, they are looked at again, until none is pushed any more. Where that does not end, corners
 //! stop, and go along with the collider. What is pushed or stopped has had an impact: it keeps its velocity along the surface, and
@@ -22,7 +22,7 @@ const CHUNK: usize = 16;
 /// The part of its radius that is always left between a feature and a collider.
 const LEAST_PART: f64 = 0.1;
 
-/// The way above which a feature is followed, as a part of its radius, or, without one, of half the thickness of the collider.
+/// See [`longest_slow_way`].
 const FOLLOWED_PART: f32 = 0.5;
 
 /// Number of rounds in which features are pushed out where they meet something; then, of those in which all their corners are lifted
@@ -52,8 +52,8 @@ pub(super) struct Around<'a> {
 /// Working memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Guard {
-    /// The way up to which no feature is followed in this tick, m.
-    slow_way: Option<f32>,
+    /// In this tick the half thickness of the thinnest collider, m, and the way up to which no feature is followed, m.
+    slow: Option<(f32, f32)>,
     /// How far each particle moves in the substep, m.
     ways: Vec<f32>,
     /// The numbers of the features and the places of the colliders that are followed.
@@ -85,7 +85,7 @@ impl Guard {
 
     /// To be called when a tick begins.
     pub fn begin_tick(&mut self) {
-        self.slow_way = None;
+        self.slow = None;
         self.stopped.clear();
     }
 
@@ -135,12 +135,12 @@ impl Guard {
         };
         let collider_way = placed.moving().map(|place| placed.longest_way(place, colliders));
         let collider_way = collider_way.fold(0.0, f32::max);
-        let slow_way = *self.slow_way.get_or_insert_with(|| {
-            let thickness =
-                placed.numbers.iter().map(|number| colliders[*number as usize].shape.half_thickness() as f32);
-            let thinnest = thickness.fold(f32::INFINITY, f32::min);
-            let each = features.iter().map(radius).map(|radius| if radius > 0.0 { radius } else { thinnest });
-            FOLLOWED_PART * each.fold(f32::INFINITY, f32::min)
+        let thickness =
+            |place: usize| colliders[placed.numbers[place] as usize].shape.half_thickness() as f32;
+        let (thinnest, slow_way) = *self.slow.get_or_insert_with(|| {
+            let thinnest = (0..placed.numbers.len()).map(thickness).fold(f32::INFINITY, f32::min);
+            let each = features.iter().map(|feature| longest_slow_way(radius(feature), thinnest));
+            (thinnest, each.fold(f32::INFINITY, f32::min))
         });
         if ways.iter().copied().fold(0.0, f32::max) + collider_way <= slow_way {
             return;
@@ -149,7 +149,8 @@ impl Guard {
             let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
             a.max(b).max(c)
         };
-        let is_fast = |feature: &Feature| own_way(feature) + collider_way > FOLLOWED_PART * radius(feature);
+        let is_fast =
+            |feature: &Feature| own_way(feature) + collider_way > longest_slow_way(radius(feature), thinnest);
         for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
             if !chunk.iter().any(is_fast) {
                 continue;
@@ -166,8 +167,7 @@ impl Guard {
                 for place in near.iter().copied() {
                     let collider = &colliders[placed.numbers[place as usize] as usize];
                     let way = own_way(feature) + placed.longest_way(place as usize, colliders);
-                    let is_thin = radius(feature) == 0.0;
-                    let is_slow = is_thin && way <= FOLLOWED_PART * collider.shape.half_thickness() as f32;
+                    let is_slow = way <= longest_slow_way(radius(feature), thickness(place as usize));
                     let is_solid = !collider.is_sensor && layers.meet(collider.layers);
                     if is_solid && !is_slow && placed.bounds[place as usize].overlaps(&bounds) {
                         pairs.push([number, place]);
@@ -206,7 +206,8 @@ impl Guard {
             let collider = &colliders[placed.numbers[place] as usize];
             let Some(arrival) = collider.shape.arrival(&ways, least) else { continue };
             any = true;
-            let mut answer = Answer { ways, arrival, collider, moment, slots, particles };
+            let kept = radius.max(arrival.limit);
+            let mut answer = Answer { ways, arrival, kept, collider, moment, slots, particles };
             if round < PUSHING_ROUNDS {
                 answer.push();
                 met.push(around.meet((feature, place), &arrival, particles));
@@ -259,6 +260,8 @@ impl Guard {
 struct Answer<'a> {
     ways: Ways,
     arrival: Arrival,
+    /// How far from the shape it is put, m: where it touches it.
+    kept: f64,
     collider: &'a Collider,
     moment: &'a Moment,
     slots: [usize; 3],
@@ -283,7 +286,7 @@ impl Answer<'_> {
         let share = |corner: usize| arrival.weights[corner] * inverse_mass[corner];
         let yields: f64 = (0..ways.count).map(|corner| arrival.weights[corner] * share(corner)).sum();
         let height = (sum(ways.to, arrival.weights) - arrival.foot).dot(arrival.normal);
-        let push = ((arrival.limit - height) / yields).max(0.0);
+        let push = ((self.kept - height) / yields).max(0.0);
         if push.is_finite() {
             self.put(|corner| Some(ways.to[corner] + arrival.normal * (push * share(corner))));
         }
@@ -291,10 +294,10 @@ impl Answer<'_> {
 
     /// Lifts each corner above the plane between it and the shape; those that were below it.
     fn lift(&mut self) -> impl Iterator<Item = usize> + use<> {
-        let Self { ways, arrival, .. } = *self;
+        let Self { ways, arrival, kept, .. } = *self;
         let missing = move |corner: usize| {
             let height = (ways.to[corner] - arrival.foot).dot(arrival.normal);
-            Some(arrival.limit - height).filter(|missing| *missing > 0.0)
+            Some(kept - height).filter(|missing| *missing > 0.0)
         };
         self.put(|corner| Some(ways.to[corner] + arrival.normal * missing(corner)?));
         (0..ways.count).filter(move |corner| missing(*corner).is_some())
@@ -344,6 +347,12 @@ impl Around<'_> {
         let rebound = -restitution * met.speed(particles);
         Met { target_velocity: if rebound > self.resting_speed { rebound } else { 0.0 }, ..met }
     }
+}
+
+/// The way up to which a feature is not followed, m: it leads to half of what is always left, or, without a radius, to half the
+/// thickness of the collider, from where contacts push it out on the right side.
+fn longest_slow_way(radius: f32, half_thickness: f32) -> f32 {
+    FOLLOWED_PART * if radius > 0.0 { LEAST_PART as f32 * radius } else { half_thickness }
 }
 
 /// What bounds a feature and its way.

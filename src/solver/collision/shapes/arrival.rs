@@ -62,6 +62,13 @@ impl Ways {
         (0..self.count).map(|corner| self.from[corner].distance(self.to[corner])).fold(0.0, f64::max)
     }
 
+    /// Whether all corners stay at least so far, m, on one side of a plane.
+    fn stay_on_one_side(&self, point: DVec3, normal: DVec3, least: f64) -> bool {
+        let corners = self.from[..self.count].iter().chain(&self.to[..self.count]);
+        let heights = || corners.clone().map(|corner| normal.dot(*corner - point));
+        heights().all(|height| height >= least) || heights().all(|height| height <= -least)
+    }
+
     fn in_part(&self, part: &super::Part) -> Self {
         let local = |corners: [DVec3; 3]| corners.map(|corner| part.placement.to_local(corner));
         Self { from: local(self.from), to: local(self.to), ..*self }
@@ -188,6 +195,9 @@ impl Mesh {
         let mut found: Option<Arrival> = None;
         self.overlapping(&bounds.grown(least as f32 + 8.0 * f32::EPSILON * size), |_, facet| {
             let front = (facet[1] - facet[0]).cross(facet[2] - facet[0]).try_normalize();
+            if front.is_some_and(|normal| ways.stay_on_one_side(facet[0], normal, least)) {
+                return;
+            }
             let front = front.filter(|_| self.kind != MeshKind::TwoSided);
             let arrival = ways.advance(least, front, |corners| separation_from(corners, ways.count, facet));
             found = first(found.into_iter().chain(arrival));
