@@ -10,7 +10,7 @@ use bevy::math::DVec3;
 use super::feature::MIN_WEIGHT;
 use super::mesh::{Mesh, MeshKind};
 use super::tree::Bounds;
-use super::{Kind, Shape, triangle};
+use super::{Kind, Nearest, Shape, triangle};
 
 /// The way above which a feature is swept, as a part of its radius and of half the thickness of the shape.
 const SWEPT_WAY: f64 = 0.5;
@@ -91,27 +91,27 @@ impl Ways {
         let mut time = 0.0;
         for step in 0..=MAX_STEPS {
             let at = self.at(time);
-            let Some(Separation { normal, foot, weights }) = separation(at) else { return arrival };
+            let Some(Separation { normal, foot, weights, distance }) = separation(at) else { return arrival };
             if front.is_some_and(|front| front.dot(normal) < -1e-6) {
                 // What is behind comes out.
                 return None;
             }
+            if step == 0 {
+                limit = least.min(KEPT_PART * distance);
+            }
             let height = |corner: usize| normal.dot(at[corner] - foot);
             let gap = (0..self.count).map(height).fold(f64::INFINITY, f64::min);
-            if step == 0 {
-                if gap.is_nan() {
-                    return None;
-                }
-                // Not above 0 where the plane is not known well: it stays.
-                limit = least.min(KEPT_PART * gap.max(0.0));
-            }
-            // For how long each corner stays as high as that.
+            // For how long nothing is nearer than that: each corner stays as high, or, where the points that are next to each other
+            // are not known well enough for a plane between the two, all ways are as short.
             let until = |limit: f64| {
                 let each = (0..self.count).map(|corner| {
                     let sink = -normal.dot(self.to[corner] - self.from[corner]);
                     if sink > 0.0 { (height(corner) - limit).max(0.0) / sink } else { f64::INFINITY }
                 });
-                each.fold(f64::INFINITY, f64::min)
+                match gap >= TOLERATED_PART * limit {
+                    true => each.fold(f64::INFINITY, f64::min),
+                    false => (distance - limit).max(0.0) / longest,
+                }
             };
             if time + until(TOLERATED_PART * limit) >= 1.0 {
                 return None;
@@ -134,6 +134,8 @@ struct Separation {
     /// All of the solid is behind the plane through this point.
     foot: DVec3,
     weights: [f64; 3],
+    /// m.
+    distance: f64,
 }
 
 impl Shape {
@@ -183,7 +185,8 @@ impl Shape {
         };
         let point = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
         let foot = point - nearest.normal * nearest.distance;
-        (nearest.distance > 0.0).then_some(Separation { normal: nearest.normal, foot, weights })
+        let Nearest { distance, normal } = nearest;
+        (distance > 0.0).then_some(Separation { normal, foot, weights, distance })
     }
 }
 
@@ -249,10 +252,11 @@ fn separation_from(corners: [DVec3; 3], count: usize, facet: [DVec3; 3]) -> Opti
         }
     }
     let (square, [point, foot], weights) = best?;
-    let normal = (point - foot) / square.sqrt();
+    let distance = square.sqrt();
+    let normal = (point - foot) / distance;
     // By rounding a corner of the facet may be in front of that plane.
     let most = facet.iter().map(|corner| normal.dot(*corner - foot)).fold(0.0, f64::max);
-    normal.is_finite().then_some(Separation { normal, foot: foot + normal * most, weights })
+    normal.is_finite().then_some(Separation { normal, foot: foot + normal * most, weights, distance })
 }
 
 #[cfg(test)]
