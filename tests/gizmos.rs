@@ -4,6 +4,7 @@ use std::any::TypeId;
 
 use bevy::asset::AssetPlugin;
 use bevy::gizmos::{GizmoAsset, GizmoHandles, GizmoPlugin};
+use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_mass_spring::prelude::*;
@@ -11,7 +12,7 @@ use bevy_mass_spring::prelude::*;
 /// A ball that rests on the ground, with gizmos of colliders and contacts only, or without any.
 fn app() -> App {
     let mut app = App::new();
-    app.add_plugins((MinimalPlugins, TransformPlugin, AssetPlugin::default(), GizmoPlugin))
+    app.add_plugins((MinimalPlugins, TransformPlugin, AssetPlugin::default(), MeshPlugin, GizmoPlugin))
         .add_plugins((MassSpringPlugin::default(), MassSpringGizmosPlugin))
         .insert_resource(TimeUpdateStrategy::FixedTimesteps(1));
     app.world_mut().spawn(ParticleCollider::half_space());

@@ -18,7 +18,7 @@ const EXHIBIT: Exhibit = Exhibit {
 const WIDTH: f32 = 2.6;
 const HEIGHT: f32 = 2.2;
 const RAIL: f32 = 2.7;
-const CELLS: UVec2 = UVec2::new(48, 24);
+const CELLS: UVec2 = UVec2::new(36, 18);
 const RINGS: u32 = 12;
 
 pub fn plugin(app: &mut App) {
@@ -71,7 +71,7 @@ fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>, mut environment: ResMut<Env
     let velvet = stage.cloth(Color::srgb(0.42, 0.05, 0.10));
     let curtain = Cloth::sheet(Rectangle::new(WIDTH, HEIGHT))
         .with_cells(CELLS)
-        .with_radius(0.004)
+        .with_radius(0.003)
         .with_material(ClothMaterial {
             stretch_stiffness: 1e3,
             bending_stiffness: 2e-5,

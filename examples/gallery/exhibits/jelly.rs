@@ -35,7 +35,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         .with_radius(0.02)
         .with_material(ClothMaterial {
             area_density: 1.2,
-            stretch_stiffness: 2.5e3,
+            stretch_stiffness: 5e3,
             shear_stiffness: 8e2,
             bending_stiffness: 0.0,
             retardation_time: 1e-3,
@@ -54,7 +54,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             ..default()
         };
         let paint = MeshMaterial3d(stage.materials.add(paint));
-        let cube = Jelly::from(Cuboid::from_length(0.42)).with_spacing(0.105).with_radius(0.015);
+        let cube = Jelly::from(Cuboid::from_length(0.32)).with_spacing(0.08).with_radius(0.015);
         let place = Vec3::new(0.45 * (number - 1.0), 1.4 + 0.6 * number, 0.25 * (1.0 - number));
         let turn = Quat::from_euler(EulerRot::XYZ, 0.3 + number, 0.5 * number, 0.2);
         let material =
