@@ -90,7 +90,8 @@ pub struct MassSpringGizmos {
     pub springs: bool,
     /// Whether the outline of each collider is drawn, of half-spaces a patch of grid and the normal. Default true.
     pub planes: bool,
-    /// Whether points, normals and impulses of the contacts of the last tick are drawn. Default false.
+    /// Whether points, normals and impulses of contacts are drawn: those of the ticks of this frame, or, if it had none,
+    /// of the last one that had. Default false.
     ///
     /// As long as they are, the messages [`Contact`](crate::Contact) are collected, as in an app with
     /// `add_message::<Contact>()`.

@@ -29,7 +29,7 @@ pub(super) fn collect_contacts(
     }
 }
 
-/// Draws the contacts of the last tick: a cross where two touch, an arrow along the normal as long as the impulse says.
+/// Draws the contacts of the last ticks: a cross where two touch, an arrow along the normal as long as the impulse says.
 pub(super) fn draw_contacts(
     mut gizmos: Gizmos<MassSpringGizmos>,
     mut contacts: MessageReader<Contact>,
@@ -42,7 +42,7 @@ pub(super) fn draw_contacts(
         last.clear();
         return;
     }
-    // Frames without a tick show the last one.
+    // Frames without a tick show those of the last one that had.
     let tick = report.map_or(0, |report| report.tick);
     if std::mem::replace(&mut *drawn_tick, tick) != tick || !contacts.is_empty() {
         last.clear();

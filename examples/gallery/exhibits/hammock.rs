@@ -59,7 +59,6 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut enviro
                     stretch_stiffness: 1e4,
                     bending_stiffness: 0.0,
                     retardation_time: 1e-4,
-                    ..RopeMaterial::HEMP
                 });
             stage.spawn((
                 rope,
