@@ -5,6 +5,7 @@
 //! draws them.
 
 mod colliders;
+mod contacts;
 mod nets;
 
 use bevy::app::Plugin;
@@ -54,9 +55,13 @@ impl Plugin for MassSpringGizmosPlugin {
             )
             .add_systems(
                 PostUpdate,
-                colliders::draw_contacts
+                contacts::draw_contacts
                     .run_if(resource_exists::<Messages<crate::collider::Contact>>)
                     .after(TransformSystems::Propagate),
+            )
+            .add_systems(
+                PreUpdate,
+                contacts::collect_contacts.run_if(resource_exists_and_changed::<GizmoConfigStore>),
             );
         #[cfg(feature = "drag")]
         app.add_systems(PostUpdate, draw_grip.after(TransformSystems::Propagate));
@@ -85,8 +90,11 @@ pub struct MassSpringGizmos {
     pub springs: bool,
     /// Whether the outline of each collider is drawn, of half-spaces a patch of grid and the normal. Default true.
     pub planes: bool,
-    /// Whether points, normals and impulses of the contacts of the last tick are drawn, in apps with
-    /// `add_message::<Contact>()`. Default false.
+    /// Whether points, normals and impulses of contacts are drawn: those of the ticks of this frame, or, if it had none,
+    /// of the last one that had. Default false.
+    ///
+    /// As long as they are, the messages [`Contact`](crate::Contact) are collected, as in an app with
+    /// `add_message::<Contact>()`.
     pub contacts: bool,
     /// Whether a ring marks the particle under the pointer or in its grip (feature `drag`). Default true.
     pub grip: bool,

@@ -13,7 +13,7 @@ import math
 import pathlib
 import struct
 
-COLUMNS, ROWS = 24, 28
+COLUMNS, ROWS = 18, 20
 LENGTH = 1.15  # m, from the collar down
 COLLAR, HEM = 0.17, 0.42  # m, radii
 HALF_TURN = math.radians(105)  # how far the cape reaches round, to each side

@@ -10,7 +10,7 @@ use bevy_mass_spring::prelude::*;
 /// Frames drawn before the picture is taken, for all assets to reach the graphics card.
 const FRAMES_AT_REST: u32 = 8;
 /// Ticks in a frame on the way, so that a slow renderer does not take minutes to get there.
-const TICKS_IN_A_FRAME: u64 = 4;
+const TICKS_IN_A_FRAME: u32 = 16;
 
 /// The picture to be taken, and the progress towards it.
 #[derive(Resource)]
@@ -32,8 +32,10 @@ pub fn plugin(app: &mut App) {
     app.add_systems(PostStartup, start).add_systems(First, advance.before(bevy::time::TimeSystems));
 }
 
-fn start(mut time: ResMut<Time<Virtual>>) {
+fn start(mut time: ResMut<Time<Virtual>>, fixed_time: Res<Time<Fixed>>) {
     time.unpause();
+    let frame = fixed_time.timestep() * (TICKS_IN_A_FRAME + 1);
+    time.set_max_delta(frame);
 }
 
 fn advance(
@@ -42,11 +44,16 @@ fn advance(
     fixed_time: Res<Time<Fixed>>,
     mut time: ResMut<Time<Virtual>>,
     mut strategy: ResMut<TimeUpdateStrategy>,
+    mut cameras: Query<&mut Camera>,
     mut commands: Commands,
 ) {
     let wanted = (capture.seconds / fixed_time.timestep().as_secs_f64()).round() as u64;
     let remaining = wanted.saturating_sub(report.tick);
-    *strategy = TimeUpdateStrategy::FixedTimesteps(remaining.min(TICKS_IN_A_FRAME) as u32);
+    *strategy = TimeUpdateStrategy::FixedTimesteps(remaining.min(TICKS_IN_A_FRAME.into()) as u32);
+    // What is not looked at is not drawn.
+    for mut camera in &mut cameras {
+        camera.is_active = remaining == 0;
+    }
     if remaining > 0 {
         return;
     }

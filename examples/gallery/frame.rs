@@ -13,7 +13,7 @@ use bevy_mass_spring::gltf::ATTRIBUTE_PIN;
 use bevy_mass_spring::prelude::*;
 use clap::{CommandFactory, FromArgMatches, Parser};
 
-use crate::{capture, display, gallery, stage};
+use crate::{capture, display, gallery, stage, switches};
 
 /// The longest time that a frame simulates.
 const MAX_FRAME: Duration = Duration::from_millis(34);
@@ -66,7 +66,7 @@ fn open(name: &str, arguments: Arguments, exhibits: fn(&mut App)) -> AppExit {
     let mut app = App::new();
     app.add_plugins(default_plugins)
         .add_plugins(MassSpringPlugins::default())
-        .add_plugins((stage::plugin, gallery::plugin, exhibits))
+        .add_plugins((stage::plugin, switches::plugin, gallery::plugin, exhibits))
         // A machine that is too slow for an exhibit shows it in slow motion.
         .insert_resource(Time::<Virtual>::from_max_delta(MAX_FRAME))
         .insert_resource(gallery::Shown::first(arguments.exhibit.saturating_sub(1)))

@@ -149,7 +149,7 @@ fn draw_list(mut ui: InMut<Ui>, gallery: Res<Gallery>, mut shown: ResMut<Shown>)
     if let Some(index) = chosen {
         shown.show(index);
     }
-    ui.label("Page up, Page down: change · Home: restart · Enter: pause");
+    ui.label("Page up, Page down: change · Home: restart · Enter: pause · o: colliders and contacts");
 }
 
 fn draw_exhibit(mut ui: InMut<Ui>, world: &mut World) {

@@ -6,7 +6,8 @@
 //! cargo run --release --features viewer --example gallery -- --help
 //! ```
 //!
-//! Page up and Page down (or the list in the panel) change the exhibit, Enter pauses, Home restarts it.
+//! Page up and Page down (or the list in the panel) change the exhibit, Enter pauses, Home restarts it, o shows the
+//! outlines of colliders and the contacts.
 
 #[path = "../chain/capture.rs"]
 mod capture;
@@ -18,6 +19,8 @@ mod gallery;
 #[path = "../chain/viewer/panel_view.rs"]
 mod panel_view;
 mod stage;
+#[path = "../chain/viewer/switches.rs"]
+mod switches;
 
 use std::process::ExitCode;
 

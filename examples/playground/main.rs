@@ -5,7 +5,8 @@
 //! cargo run --release --features viewer --example playground -- --help
 //! ```
 //!
-//! Page up and Page down (or the list in the panel) change the exhibit, Enter pauses, Home restarts it.
+//! Page up and Page down (or the list in the panel) change the exhibit, Enter pauses, Home restarts it, o shows the
+//! outlines of colliders and the contacts.
 
 #[path = "../chain/capture.rs"]
 mod capture;
@@ -20,6 +21,8 @@ mod gallery;
 mod panel_view;
 #[path = "../gallery/stage.rs"]
 mod stage;
+#[path = "../chain/viewer/switches.rs"]
+mod switches;
 
 use std::process::ExitCode;
 

@@ -1,9 +1,9 @@
-//! Outlines of colliders, and contacts.
+//! Outlines of colliders.
 
 use bevy::prelude::*;
 
 use super::MassSpringGizmos;
-use crate::collider::{ColliderShape, Contact, ParticleCollider};
+use crate::collider::{ColliderShape, ParticleCollider};
 
 /// Triangles of a mesh that are drawn, at most.
 const MAX_TRIANGLES: usize = 20_000;
@@ -107,29 +107,5 @@ fn draw_heights(
     }
     for column in 0..columns {
         gizmos.linestrip((0..heights.len()).map(|row| place(row, column)), color);
-    }
-}
-
-/// Draws the contacts of the last tick: a cross where two touch, an arrow along the normal as long as the impulse says.
-pub(super) fn draw_contacts(
-    mut gizmos: Gizmos<MassSpringGizmos>,
-    mut contacts: MessageReader<Contact>,
-    mut last: Local<Vec<Contact>>,
-) {
-    if !gizmos.config_ext.contacts {
-        contacts.clear();
-        last.clear();
-        return;
-    }
-    // Frames without a tick show the last one.
-    if !contacts.is_empty() {
-        last.clear();
-        last.extend(contacts.read());
-    }
-    let MassSpringGizmos { contact_color, contact_scale, .. } = *gizmos.config_ext;
-    for contact in &*last {
-        gizmos.cross(Isometry3d::from_translation(contact.point), 0.03, contact_color);
-        let length = (contact.impulse * contact_scale).max(0.02);
-        gizmos.arrow(contact.point, contact.point + contact.normal * length, contact_color);
     }
 }

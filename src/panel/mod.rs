@@ -26,8 +26,8 @@ use crate::spring::Spring;
 
 /// The panel at the right of the window.
 ///
-/// It shows and changes the environment, the solver's settings, the collisions, and the parameters of
-/// all particles and springs together; it plots the energy over the last ten seconds and the tension
+/// It shows and changes the environment, the solver's settings, the collisions, the parameters of all particles and
+/// springs together, and with the feature `gizmos` what these draw; it plots the energy over the last ten seconds and the tension
 /// along the springs, and shows the cost of a tick. Pointer and keyboard input that is meant for it is
 /// kept from the rest of the app (it switches on `enable_absorb_bevy_input_system` of bevy_egui).
 ///
@@ -215,6 +215,8 @@ fn draw_contents(
             widgets::section(ui, "Particles and springs", |ui| draw_part(ui, world, parameters::draw_matter));
             widgets::section(ui, "Integration", |ui| draw_part(ui, world, parameters::draw_integration));
             widgets::section(ui, "Collisions", |ui| draw_part(ui, world, parameters::draw_collisions));
+            #[cfg(feature = "gizmos")]
+            widgets::section(ui, "Gizmos", |ui| draw_part(ui, world, parameters::draw_gizmos));
         });
     });
 }

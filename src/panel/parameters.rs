@@ -183,3 +183,26 @@ pub(super) fn draw_collisions(
     });
     settings.set_if_neq(edited);
 }
+
+/// What the gizmos draw; nothing in apps without them.
+#[cfg(feature = "gizmos")]
+pub(super) fn draw_gizmos(mut ui: InMut<Ui>, mut store: ResMut<GizmoConfigStore>) {
+    use crate::gizmos::MassSpringGizmos;
+
+    let Some((_, gizmos)) = store.get_config::<MassSpringGizmos>() else { return };
+    let MassSpringGizmos { particles, springs, planes, contacts, contact_scale, .. } = *gizmos;
+    let mut edited = (particles, springs, planes, contacts, contact_scale);
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut edited.0, "particles");
+        ui.checkbox(&mut edited.1, "springs");
+        ui.checkbox(&mut edited.2, "colliders");
+        ui.checkbox(&mut edited.3, "contacts").on_hover_text("points, normals and impulses");
+    });
+    ui.add_enabled_ui(edited.3, |ui| {
+        parameter(ui, "impulses", "m/(N·s)", &mut edited.4, 0.0..=1e3, Scale::Logarithmic(0.01));
+    });
+    if edited != (particles, springs, planes, contacts, contact_scale) {
+        let (_, gizmos) = store.config_mut::<MassSpringGizmos>();
+        (gizmos.particles, gizmos.springs, gizmos.planes, gizmos.contacts, gizmos.contact_scale) = edited;
+    }
+}

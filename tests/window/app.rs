@@ -169,6 +169,7 @@ fn logical_key(key_code: KeyCode) -> Key {
         KeyCode::Home => Key::Home,
         KeyCode::KeyC => character("c"),
         KeyCode::KeyG => character("g"),
+        KeyCode::KeyO => character("o"),
         KeyCode::KeyV => character("v"),
         KeyCode::Period => character("."),
         KeyCode::Space => Key::Space,

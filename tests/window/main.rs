@@ -185,11 +185,15 @@ fn keys_control() -> Outcome {
         ),
         (KeyCode::KeyV, |viewer| viewer.resource::<Environment>().viscosity_enabled),
         (KeyCode::KeyC, |viewer| viewer.resource::<CollisionSettings>().ground),
+        (KeyCode::KeyO, |viewer| viewer.resource::<GizmoConfigStore>().config::<MassSpringGizmos>().1.planes),
+        (KeyCode::KeyO, |viewer| viewer.app.world().contains_resource::<Messages<Contact>>()),
     ] {
         let before = state(&viewer);
         viewer.tap(key);
+        viewer.run(2);
         assert_ne!(state(&viewer), before, "{key:?}");
         viewer.tap(key);
+        viewer.run(2);
         assert_eq!(state(&viewer), before, "{key:?}");
     }
     viewer.tap(KeyCode::Escape);

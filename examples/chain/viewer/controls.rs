@@ -4,9 +4,11 @@ use bevy::prelude::*;
 use bevy_mass_spring::panel::RestartWithParameters;
 use bevy_mass_spring::prelude::*;
 
+use super::switches;
+
 /// Adds the keys.
 pub fn plugin(app: &mut App) {
-    app.add_systems(Update, (control_time, toggle_physics, quit));
+    app.add_plugins(switches::plugin).add_systems(Update, (control_time, quit));
 }
 
 /// Enter starts and pauses, Space makes one step while paused, Home restarts from the
@@ -25,24 +27,6 @@ fn control_time(
     }
     if keys.just_pressed(KeyCode::Home) {
         commands.queue(RestartWithParameters);
-    }
-}
-
-/// g toggles gravity, v the viscosity, c the collisions.
-fn toggle_physics(
-    keys: Res<ButtonInput<KeyCode>>,
-    mut environment: ResMut<Environment>,
-    mut collisions: ResMut<CollisionSettings>,
-) {
-    if keys.just_pressed(KeyCode::KeyG) {
-        environment.gravity_enabled ^= true;
-    }
-    if keys.just_pressed(KeyCode::KeyV) {
-        environment.viscosity_enabled ^= true;
-    }
-    if keys.just_pressed(KeyCode::KeyC) {
-        let on = !(collisions.ground || collisions.particles);
-        (collisions.ground, collisions.particles) = (on, on);
     }
 }
 

@@ -35,7 +35,8 @@ pub fn plugin(app: &mut App) {
         );
 }
 
-/// Balls, links and ground have meshes here: of the gizmos only the ring around a ball is switched on.
+/// Balls, links and ground have meshes here: of the gizmos only the ring around a ball is switched on, until key o is
+/// pressed.
 fn draw_only_the_grip(mut store: ResMut<GizmoConfigStore>) {
     let (config, gizmos) = store.config_mut::<MassSpringGizmos>();
     config.line.width = 3.0;

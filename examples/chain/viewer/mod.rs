@@ -6,6 +6,7 @@ pub mod overlay;
 pub mod panel_view;
 pub mod presets;
 pub mod stage;
+pub mod switches;
 
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;

@@ -31,6 +31,7 @@ fn draw_bar(
     time: Res<Time<Virtual>>,
     environment: Res<Environment>,
     collisions: Res<CollisionSettings>,
+    gizmos: Res<GizmoConfigStore>,
 ) -> Result {
     let Some(free) = panel.free_area else { return Ok(()) };
     let context = contexts.ctx_mut()?;
@@ -49,6 +50,7 @@ fn draw_bar(
                 ui.spacing_mut().item_spacing.x = 5.0;
                 let (paused, both) = (time.is_paused(), collisions.ground && collisions.particles);
                 let neither = !collisions.ground && !collisions.particles;
+                let drawn = gizmos.config::<MassSpringGizmos>().1.contacts;
                 ui.horizontal(|ui| {
                     key(ui, "Enter", if paused { "start" } else { "pause" });
                     state(ui, !paused, "running", "paused");
@@ -60,6 +62,8 @@ fn draw_bar(
                     state(ui, environment.viscosity_enabled, "on", "off");
                     key(ui, "c", "collisions");
                     state(ui, !neither, if both { "on" } else { "in part" }, "off");
+                    key(ui, "o", "contacts");
+                    state(ui, drawn, "drawn", "not drawn");
                     key(ui, "Esc", "quit");
                 });
                 ui.horizontal(|ui| {

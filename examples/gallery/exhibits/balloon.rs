@@ -36,7 +36,7 @@ fn press(time: Res<Time>, mut fists: Query<(&mut Fist, &mut Transform)>) {
 fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     *environment = Environment { wind: Vec3::new(0.8, 0.0, 0.3), air_density: 1.225, ..default() };
     stage.floor();
-    let material = BalloonMaterial { area_density: 0.05, ..BalloonMaterial::LATEX };
+    let material = BalloonMaterial { area_density: 0.05, retardation_time: 1e-4, ..BalloonMaterial::LATEX };
     let red = stage.metal(Color::srgb(0.85, 0.08, 0.12));
     let balloon = Balloon::sphere(Sphere::new(RADIUS)).with_subdivisions(3).with_material(material);
     let bottom = balloon.topology().map_or(0, |topology| topology.nearest(Vec3::NEG_Y * RADIUS).unwrap_or(0));
@@ -48,9 +48,14 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     let knot = stage.spawn((PartOf(balloon), Part::Particle(bottom)));
     let white = stage.paint(Color::srgb(0.9, 0.9, 0.88));
     let string = Rope::between(Vec3::new(-0.7, 0.02, 0.0), Vec3::new(-0.7, 1.9 - RADIUS, 0.0))
-        .with_segments(30)
+        .with_segments(15)
         .with_radius(0.006)
-        .with_material(RopeMaterial { linear_density: 0.003, ..RopeMaterial::NYLON });
+        .with_material(RopeMaterial {
+            linear_density: 0.003,
+            stretch_stiffness: 50.0,
+            bending_stiffness: 0.0,
+            retardation_time: 3e-4,
+        });
     stage.spawn((
         string,
         RopeMesh::default(),

@@ -10,9 +10,9 @@ use crate::stage::{Stage, View};
 
 const EXHIBIT: Exhibit = Exhibit {
     name: "Rope bridge",
-    caption: "Two ropes carry planks, two more are the handrails. Balls roll over it: the bridge sags under each, and \
-              the wave runs ahead. Drag a ball.",
-    view: View { focus: Vec3::new(0.0, 1.5, 0.0), distance: 7.0, yaw: 0.55, pitch: 0.2 },
+    caption: "Two ropes carry planks, two more are the handrails. Three balls run down to the middle: the bridge sags \
+              under each. Drag a ball and let go: the wave runs along the bridge.",
+    view: View { focus: Vec3::new(0.0, 1.5, 0.0), distance: 7.6, yaw: 0.45, pitch: 0.2 },
 };
 
 const HALF_SPAN: f32 = 2.4;
@@ -21,8 +21,16 @@ const DECK: f32 = 1.6;
 const RAIL: f32 = 0.75;
 const SEGMENTS: u32 = 48;
 /// Every so many particles of the ropes there is a plank, and a hanger every so many planks.
-const PLANK: u32 = 2;
-const HANGER: u32 = 3;
+const PLANK: u32 = 1;
+const HANGER: u32 = 4;
+
+/// Softer than hemp and with less damping of its own, so that the explicit schemes take it in some tens of substeps.
+const CORD: RopeMaterial = RopeMaterial {
+    linear_density: 0.3,
+    stretch_stiffness: 3e4,
+    retardation_time: 1e-4,
+    ..RopeMaterial::HEMP
+};
 
 pub fn plugin(app: &mut App) {
     app.add_exhibit(EXHIBIT, spawn, draw).add_systems(Update, lay_planks);
@@ -35,24 +43,31 @@ struct Plank([Entity; 2]);
 #[derive(Component)]
 struct Ball;
 
-fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
-    *collisions = CollisionSettings { friction: 0.4, restitution: 0.1, ..default() };
+fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut environment: ResMut<Environment>) {
+    // Particles do not rotate: balls that roll are balls with hardly any friction.
+    *collisions = CollisionSettings { friction: 0.03, restitution: 0.4, ..default() };
+    // In place of the damping of hemp and wood.
+    environment.viscosity = 0.1;
     stage.floor();
+    let wood = stage.paint(Color::srgb(0.48, 0.33, 0.2));
     let stone = stage.paint(Color::srgb(0.45, 0.44, 0.42));
     for side in [-1.0, 1.0] {
         let tower = Transform::from_xyz(side * (HALF_SPAN + 0.42), 0.5 * DECK - 0.03, 0.0);
         stage.solid(Cuboid::new(0.8, DECK - 0.06, 1.4), stone.clone(), tower);
+        for z in [-HALF_WIDTH, HALF_WIDTH] {
+            let post = Transform::from_xyz(side * (HALF_SPAN + 0.04), DECK - 0.06 + 0.5 * (RAIL + 0.12), z);
+            stage.solid(Cylinder::new(0.04, RAIL + 0.12), wood.clone(), post);
+        }
     }
     let hemp = stage.paint(Color::srgb(0.70, 0.58, 0.38));
-    let wood = stage.paint(Color::srgb(0.48, 0.33, 0.2));
     let mut carriers = Vec::new();
     let mut rails = Vec::new();
     for z in [-HALF_WIDTH, HALF_WIDTH] {
-        let carrier = RopeMaterial { linear_density: 1.2, stretch_stiffness: 6e4, ..RopeMaterial::HEMP };
+        let carrier = RopeMaterial { linear_density: 1.2, ..CORD };
         carriers.push(spawn_rope(&mut stage, &hemp, (DECK, z), 0.02, carrier));
-        rails.push(spawn_rope(&mut stage, &hemp, (DECK + RAIL, z), 0.016, RopeMaterial::HEMP));
+        rails.push(spawn_rope(&mut stage, &hemp, (DECK + RAIL, z), 0.016, CORD));
     }
-    let mesh = Mesh3d(stage.meshes.add(Cuboid::new(0.085, 0.025, 2.0 * HALF_WIDTH + 0.1)));
+    let mesh = Mesh3d(stage.meshes.add(Cuboid::new(0.075, 0.025, 2.0 * HALF_WIDTH + 0.1)));
     for index in (PLANK..SEGMENTS).step_by(PLANK as usize) {
         let ends = [0, 1].map(|side| stage.spawn((PartOf(carriers[side]), Part::Particle(index))));
         // It keeps the ropes apart, and carries what rolls over it.
@@ -72,14 +87,14 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
                 let rail = stage.spawn((PartOf(rails[side]), Part::Particle(index)));
                 let z = [-HALF_WIDTH, HALF_WIDTH][side];
                 let hanger = Rope::between(Vec3::new(x, DECK + RAIL, z), Vec3::new(x, DECK, z));
-                let hanger = hanger.with_segments(6).with_radius(0.007).with_material(RopeMaterial::HEMP);
+                let hanger = hanger.with_segments(5).with_radius(0.007).with_material(CORD);
                 stage.spawn((
                     hanger,
                     RopeMesh::default(),
                     hemp.clone(),
                     related!(Parts[
-                        (Part::Start, Attachment::to(rail)),
-                        (Part::End, Attachment::to(ends[side])),
+                        (Part::Start, Attachment::to(rail).with_stiffness(1e4)),
+                        (Part::End, Attachment::to(ends[side]).with_stiffness(1e4)),
                     ]),
                 ));
             }
@@ -89,7 +104,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         let radius = 0.17 + 0.03 * number;
         let paint = stage.metal(Color::hsl(360.0 * color, 0.7, 0.5));
         let mesh = Mesh3d(stage.meshes.add(Sphere::new(radius)));
-        let place = Transform::from_xyz(-1.3 + 1.2 * number, DECK + 0.5, 0.05 * number);
+        let place = Transform::from_xyz(-1.3 + 1.2 * number, DECK + 0.3, 0.0);
         let ball = (Ball, Particle::new(10.0 + 6.0 * number, radius), mesh, paint, place);
         stage.spawn((ball, ParticleVelocity(Vec3::X * (1.2 - 0.9 * number))));
     }

@@ -69,7 +69,7 @@ fn spawn(mut stage: Stage) {
         grey.clone(),
         related!(Parts[(Part::End, Attachment::to(load))]),
     ));
-    let winch = Winch { speed: 0.4, max_force: Some(4e3), min_length: 0.5, max_length: Some(3.0) };
+    let winch = Winch { speed: 0.4, max_force: Some(4e3), min_length: 0.5, max_length: Some(2.6) };
     stage.commands.entity(boom).with_children(|boom| {
         boom.spawn((beam, yellow, Transform::from_xyz(0.5 * REACH - 0.3, 0.0, 0.0)));
         boom.spawn((drum, grey, Transform::from_xyz(REACH, -0.06, 0.0).with_rotation(sideways)));

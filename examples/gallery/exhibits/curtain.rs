@@ -18,7 +18,7 @@ const EXHIBIT: Exhibit = Exhibit {
 const WIDTH: f32 = 2.6;
 const HEIGHT: f32 = 2.2;
 const RAIL: f32 = 2.7;
-const CELLS: UVec2 = UVec2::new(48, 30);
+const CELLS: UVec2 = UVec2::new(36, 18);
 const RINGS: u32 = 12;
 
 pub fn plugin(app: &mut App) {
@@ -58,14 +58,8 @@ fn crease(mut curtains: Query<(Entity, &mut ParticleNet), With<Flat>>, mut comma
     }
 }
 
-fn spawn(
-    mut stage: Stage,
-    mut drawn: ResMut<Drawn>,
-    mut environment: ResMut<Environment>,
-    mut collisions: ResMut<CollisionSettings>,
-) {
+fn spawn(mut stage: Stage, mut drawn: ResMut<Drawn>, mut environment: ResMut<Environment>) {
     *environment = Environment { air_density: 1.2, ..default() };
-    collisions.particles = false;
     *drawn = Drawn { target: 0.0, present: 0.0, by_itself: true };
     let brass = stage.metal(Color::srgb(0.75, 0.6, 0.3));
     let across = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
@@ -75,8 +69,10 @@ fn spawn(
         Transform::from_xyz(0.0, RAIL + 0.05, 0.0).with_rotation(across),
     );
     let velvet = stage.cloth(Color::srgb(0.42, 0.05, 0.10));
-    let curtain =
-        Cloth::sheet(Rectangle::new(WIDTH, HEIGHT)).with_cells(CELLS).with_material(ClothMaterial {
+    let curtain = Cloth::sheet(Rectangle::new(WIDTH, HEIGHT))
+        .with_cells(CELLS)
+        .with_radius(0.003)
+        .with_material(ClothMaterial {
             stretch_stiffness: 1e3,
             bending_stiffness: 2e-5,
             // As little as the explicit schemes take in some tens of substeps.

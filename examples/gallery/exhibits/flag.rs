@@ -30,9 +30,14 @@ fn spawn(mut stage: Stage, mut environment: ResMut<Environment>) {
     stage.solid(Cylinder::new(0.035, 3.6), steel.clone(), Transform::from_xyz(-0.04, 1.8, 0.0));
     stage.solid(Sphere::new(0.07), steel, Transform::from_xyz(-0.04, 3.62, 0.0));
     let paint = stage.cloth(Color::srgb(0.80, 0.12, 0.10));
-    let flag = Cloth::sheet(Rectangle::new(1.8, 1.2))
-        .with_spacing(0.06)
-        .with_material(ClothMaterial { stretch_stiffness: 2e3, ..ClothMaterial::COTTON });
+    let flag = Cloth::sheet(Rectangle::new(1.8, 1.2)).with_spacing(0.06).with_radius(0.005).with_material(
+        ClothMaterial {
+            stretch_stiffness: 1e3,
+            // As little as the explicit schemes take in some tens of substeps.
+            retardation_time: 2e-4,
+            ..ClothMaterial::COTTON
+        },
+    );
     stage.spawn((
         flag,
         NetMesh,

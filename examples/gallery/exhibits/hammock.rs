@@ -15,7 +15,7 @@ const EXHIBIT: Exhibit = Exhibit {
     view: View { focus: Vec3::new(0.0, 1.1, 0.0), distance: 5.4, yaw: 0.5, pitch: 0.22 },
 };
 
-const CELLS: UVec2 = UVec2::new(40, 18);
+const CELLS: UVec2 = UVec2::new(24, 12);
 const SIZE: Vec2 = Vec2::new(2.0, 0.9);
 const HEIGHT: f32 = 1.25;
 const STRINGS: u32 = 6;
@@ -29,7 +29,9 @@ pub fn plugin(app: &mut App) {
 #[derive(Component)]
 struct Load;
 
-fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
+fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut environment: ResMut<Environment>) {
+    // In place of the damping of canvas and hemp.
+    environment.viscosity = 0.02;
     *collisions = CollisionSettings { friction: 0.6, ..default() };
     stage.floor();
     let wood = stage.paint(Color::srgb(0.36, 0.25, 0.15));
@@ -39,8 +41,8 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     }
     let canvas = stage.cloth(Color::srgb(0.83, 0.72, 0.48));
     let sheet =
-        Cloth::from(Plane3d::new(Vec3::Y, 0.5 * SIZE)).with_cells(CELLS).with_radius(0.022).with_material(
-            ClothMaterial { stretch_stiffness: 3e4, retardation_time: 5e-4, ..ClothMaterial::DENIM },
+        Cloth::from(Plane3d::new(Vec3::Y, 0.5 * SIZE)).with_cells(CELLS).with_radius(0.012).with_material(
+            ClothMaterial { stretch_stiffness: 1e4, retardation_time: 1e-4, ..ClothMaterial::DENIM },
         );
     let sheet = stage.spawn((sheet, NetMesh, canvas, Transform::from_xyz(0.0, HEIGHT, 0.0)));
     let hemp = stage.paint(Color::srgb(0.72, 0.62, 0.42));
@@ -53,22 +55,23 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             let (hook, end) = (HOOK * Vec3::new(side, 1.0, 1.0), Vec3::new(0.5 * side * SIZE.x, HEIGHT, z));
             let rope =
                 Rope::between(hook, end).with_segments(10).with_radius(0.008).with_material(RopeMaterial {
+                    linear_density: 0.3,
+                    stretch_stiffness: 1e4,
                     bending_stiffness: 0.0,
-                    retardation_time: 1e-3,
-                    ..RopeMaterial::HEMP
+                    retardation_time: 1e-4,
                 });
             stage.spawn((
                 rope,
                 RopeMesh::default(),
                 hemp.clone(),
-                related!(Parts[(Part::Start, Pinned), (Part::End, Attachment::to(edge))]),
+                related!(Parts[(Part::Start, Pinned), (Part::End, Attachment::to(edge).with_stiffness(6e3))]),
             ));
         }
     }
     let melon = stage.paint(Color::srgb(0.18, 0.42, 0.16));
     for (x, radius, mass) in [(-0.35, 0.17, 14.0), (0.1, 0.2, 20.0), (0.5, 0.15, 9.0)] {
         let mesh = Mesh3d(stage.meshes.add(Sphere::new(radius)));
-        let place = Transform::from_xyz(x, HEIGHT + 0.6, 0.05 * x);
+        let place = Transform::from_xyz(x, HEIGHT + 0.3, 0.0);
         stage.spawn((Load, Particle::new(mass, radius), mesh, melon.clone(), place));
     }
 }

@@ -10,8 +10,7 @@ use crate::stage::{Stage, View};
 
 const EXHIBIT: Exhibit = Exhibit {
     name: "Jelly",
-    caption: "Cubes of gelatine fall onto a trampoline of rubber. Young's modulus is that of the real thing; make \
-              it softer, and they quiver for longer.",
+    caption: "Cubes of firm gelatine fall onto a trampoline of rubber. Make them softer, and they quiver for longer.",
     view: View { focus: Vec3::new(0.0, 0.9, 0.0), distance: 5.2, yaw: 0.6, pitch: 0.32 },
 };
 
@@ -32,14 +31,14 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     }
     let blue = stage.cloth(Color::srgb(0.10, 0.16, 0.28));
     let mat = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(1.06)))
-        .with_spacing(0.075)
-        .with_radius(0.04)
+        .with_spacing(0.106)
+        .with_radius(0.02)
         .with_material(ClothMaterial {
             area_density: 1.2,
-            stretch_stiffness: 2.5e3,
+            stretch_stiffness: 5e3,
             shear_stiffness: 8e2,
             bending_stiffness: 0.0,
-            retardation_time: 0.01,
+            retardation_time: 1e-3,
         });
     let edges = [Side::Left, Side::Right, Side::Bottom, Side::Top];
     let mat = stage.spawn((mat, NetMesh, blue, Transform::from_xyz(0.0, 0.8, 0.0)));
@@ -55,10 +54,11 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             ..default()
         };
         let paint = MeshMaterial3d(stage.materials.add(paint));
-        let cube = Jelly::from(Cuboid::from_length(0.42)).with_spacing(0.085).with_radius(0.035);
-        let place = Vec3::new(0.45 * (number - 1.0), 1.7 + 0.75 * number, 0.25 * (1.0 - number));
+        let cube = Jelly::from(Cuboid::from_length(0.32)).with_spacing(0.08).with_radius(0.015);
+        let place = Vec3::new(0.45 * (number - 1.0), 1.4 + 0.6 * number, 0.25 * (1.0 - number));
         let turn = Quat::from_euler(EulerRot::XYZ, 0.3 + number, 0.5 * number, 0.2);
-        let material = JellyMaterial { youngs_modulus: 2.5e4, ..JellyMaterial::GELATINE };
+        let material =
+            JellyMaterial { youngs_modulus: 5e4, retardation_time: 1e-3, ..JellyMaterial::GELATINE };
         stage.spawn((
             cube.with_material(material),
             NetMesh,

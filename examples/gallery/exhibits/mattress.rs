@@ -48,11 +48,11 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     let ticking = stage.cloth(Color::srgb(0.82, 0.86, 0.92));
     let cover = Cloth::from(Plane3d::new(Vec3::Y, 0.5 * size))
         .with_cells(cells)
-        .with_radius(0.035)
+        .with_radius(0.015)
         .with_material(ClothMaterial {
             area_density: 1.0,
-            stretch_stiffness: 4e3,
-            retardation_time: 1e-3,
+            stretch_stiffness: 2e3,
+            retardation_time: 3e-4,
             ..ClothMaterial::DENIM
         });
     let cover = stage.spawn((cover, NetMesh, ticking, Transform::from_xyz(0.0, HEIGHT, 0.0)));

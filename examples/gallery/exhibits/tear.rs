@@ -35,10 +35,14 @@ fn spawn(mut stage: Stage, mut pieces: ResMut<Pieces>) {
         stage.solid(Cylinder::new(0.04, 2.7), steel.clone(), Transform::from_xyz(1.14 * side, 1.35, 0.0));
     }
     let paint = stage.cloth(Color::srgb(0.92, 0.86, 0.72));
-    let banner = Cloth::sheet(Rectangle::new(2.2, 1.6))
-        .with_spacing(0.055)
-        .with_radius(0.03)
-        .with_material(ClothMaterial { stretch_stiffness: 3e3, area_density: 0.3, ..ClothMaterial::COTTON });
+    let banner = Cloth::sheet(Rectangle::new(2.2, 1.6)).with_spacing(0.1).with_radius(0.006).with_material(
+        ClothMaterial {
+            stretch_stiffness: 2e3,
+            area_density: 0.3,
+            retardation_time: 3e-4,
+            ..ClothMaterial::COTTON
+        },
+    );
     stage.spawn((
         banner,
         NetMesh,

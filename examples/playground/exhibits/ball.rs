@@ -12,10 +12,10 @@ const EXHIBIT: Exhibit = Exhibit {
     name: "Turning ball",
     caption: "A cloth falls onto a ball on the floor; then the ball turns, and friction winds the cloth round it, fold on \
               fold (after Bridson, Fedkiw and Anderson 2002).",
-    view: View { focus: Vec3::new(0.0, 0.6, 0.0), distance: 4.6, yaw: 0.4, pitch: 0.35 },
+    view: View { focus: Vec3::new(0.0, 0.45, 0.0), distance: 4.4, yaw: 0.4, pitch: 0.35 },
 };
 
-const RADIUS: f32 = 0.5;
+const RADIUS: f32 = 0.4;
 /// When it begins to turn, s.
 const BEGIN: f32 = 2.0;
 
@@ -43,14 +43,14 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut turnin
     let paint = stage.paint(Color::srgb(0.75, 0.30, 0.18));
     let look = Mesh3d(stage.meshes.add(Sphere::new(RADIUS).mesh().ico(5).expect("few enough triangles")));
     let ball = ParticleCollider::from(Sphere::new(RADIUS)).with_friction(0.7);
-    let place = Transform::from_xyz(0.0, RADIUS + 0.05, 0.0);
+    let place = Transform::from_xyz(0.0, RADIUS + 0.02, 0.0);
     stage.spawn((Ball, ball, ColliderMotion::default(), look, paint, place));
-    let cloth = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(0.95)))
-        .with_cells(UVec2::splat(40))
+    let cloth = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(1.05)))
+        .with_cells(UVec2::splat(28))
         .with_radius(0.012)
         .with_material(ClothMaterial {
             area_density: 0.15,
-            stretch_stiffness: 400.0,
+            stretch_stiffness: 200.0,
             retardation_time: 3e-4,
             ..ClothMaterial::SILK
         });

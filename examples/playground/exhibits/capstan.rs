@@ -46,8 +46,14 @@ fn spawn(mut stage: Stage) {
     let hemp = stage.paint(Color::srgb(0.70, 0.58, 0.38));
     let iron = stage.metal(Color::srgb(0.3, 0.3, 0.33));
     for (ratio, x) in RATIOS.into_iter().zip([-0.6, 0.0, 0.6]) {
-        let rope = Rope { path: path(x), spacing: 0.02, radius: ROPE, ..default() };
-        let material = RopeMaterial { linear_density: 0.1, stretch_stiffness: 5e3, ..default() };
+        let rope = Rope { path: path(x), spacing: 0.04, radius: ROPE, ..default() };
+        let material = RopeMaterial {
+            linear_density: 0.1,
+            stretch_stiffness: 3e3,
+            bending_stiffness: 0.0,
+            // Explicit schemes are the most exact ones where friction decides; this is what they bear.
+            retardation_time: 1e-4,
+        };
         let rope = stage.spawn((rope.with_material(material), RopeMesh::default(), hemp.clone()));
         for (end, mass, z) in [(Part::Start, LIGHT, -1.0), (Part::End, LIGHT * ratio, 1.0)] {
             let end = stage.spawn((PartOf(rope), end));
@@ -56,7 +62,7 @@ fn spawn(mut stage: Stage) {
             let look = Mesh3d(stage.meshes.add(Sphere::new(radius)));
             let place = Transform::from_translation(place);
             let load = stage.spawn((Particle::new(mass, radius), look, iron.clone(), place));
-            stage.spawn(Spring::new(end, load, radius).with_stiffness(2e4).with_damping(20.0));
+            stage.spawn(Spring::new(end, load, radius).with_stiffness(2e4).with_damping(1.0));
         }
     }
 }

@@ -53,7 +53,12 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         let rope = Rope::between(-0.45 * way + Vec3::Y * height, 0.45 * way + Vec3::Y * height)
             .with_spacing(0.04)
             .with_radius(0.025)
-            .with_material(RopeMaterial { linear_density: 0.3, stretch_stiffness: 2e3, ..default() });
+            .with_material(RopeMaterial {
+                linear_density: 0.3,
+                stretch_stiffness: 2e3,
+                retardation_time: 2e-4,
+                ..default()
+            });
         let paint = stage.paint(Color::hsl(25.0 * f32::from(number), 0.6, 0.45));
         stage.spawn((rope, RopeMesh::default(), paint));
     }

@@ -19,7 +19,7 @@ const EXHIBIT: Exhibit = Exhibit {
 const HEIGHT: f32 = 1.3;
 /// How fast each end is pulled, m/s, and how far, m.
 const SPEED: f32 = 0.25;
-const WAY: f32 = 1.6;
+const WAY: f32 = 1.2;
 
 pub fn plugin(app: &mut App) {
     app.insert_resource(Pull { way: WAY }).add_exhibit(EXHIBIT, spawn, draw).add_systems(FixedUpdate, pull);
@@ -39,7 +39,14 @@ struct End {
     moved: f32,
 }
 
-fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut pulling: ResMut<Pull>) {
+fn spawn(
+    mut stage: Stage,
+    mut collisions: ResMut<CollisionSettings>,
+    mut environment: ResMut<Environment>,
+    mut pulling: ResMut<Pull>,
+) {
+    // In place of the damping of hemp.
+    environment.viscosity = 0.01;
     *collisions = CollisionSettings { friction: 0.3, ..default() };
     pulling.way = WAY;
     stage.floor();
@@ -52,6 +59,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>, mut pullin
     let rope = Rope::along(trefoil).with_spacing(0.025).with_radius(0.02).with_material(RopeMaterial {
         linear_density: 0.2,
         stretch_stiffness: 3e3,
+        retardation_time: 1e-4,
         ..default()
     });
     let [start, end] = [rope.path[0], rope.path[rope.path.len() - 1]];

@@ -17,6 +17,14 @@ const EXHIBIT: Exhibit = Exhibit {
 
 const ARM: f32 = 0.8;
 
+/// As stiff as the explicit schemes take in some tens of substeps.
+const ROPE: RopeMaterial = RopeMaterial {
+    linear_density: 0.2,
+    stretch_stiffness: 4e3,
+    retardation_time: 2e-4,
+    ..RopeMaterial::HEMP
+};
+
 pub fn plugin(app: &mut App) {
     app.add_exhibit(EXHIBIT, spawn, draw);
 }
@@ -58,7 +66,8 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     let hemp = stage.paint(Color::srgb(0.70, 0.58, 0.38));
     for number in 0..5_u8 {
         let top = Vec3::new(1.55, 3.0, 0.2 * (f32::from(number) - 2.0));
-        let rope = Rope::between(top, top - Vec3::Y * 1.9).with_spacing(0.06).with_radius(0.025);
+        let rope =
+            Rope::between(top, top - Vec3::Y * 1.9).with_spacing(0.06).with_radius(0.025).with_material(ROPE);
         let hook = related!(Parts[(Part::Start, Pinned)]);
         stage.spawn((rope, RopeMesh::default(), hemp.clone(), hook));
     }

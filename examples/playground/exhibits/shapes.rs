@@ -19,8 +19,8 @@ const EXHIBIT: Exhibit = Exhibit {
 /// Softer than any cloth, so that nine of them take few substeps.
 const SHEET: ClothMaterial = ClothMaterial {
     area_density: 0.12,
-    stretch_stiffness: 300.0,
-    shear_stiffness: 20.0,
+    stretch_stiffness: 100.0,
+    shear_stiffness: 10.0,
     retardation_time: 3e-4,
     ..ClothMaterial::SILK
 };
@@ -44,7 +44,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         (Cone::new(0.4, 0.9).into(), Cone::new(0.4, 0.9).into()),
         frustum(),
         hull(),
-        mesh(Torus::new(0.14, 0.42).into()),
+        mesh(Torus::new(0.14, 0.42).mesh().minor_resolution(12).major_resolution(24).build()),
         height_field(),
     ];
     for (number, (shape, look)) in solids.into_iter().enumerate() {
@@ -56,8 +56,8 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
         stage.spawn((ParticleCollider::new(shape).with_friction(0.4), look, stone.clone(), transform));
         let color = Color::hsl(40.0 * number as f32, 0.55, 0.45);
         let cloth = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(0.6)))
-            .with_spacing(0.06)
-            .with_radius(0.012)
+            .with_spacing(0.12)
+            .with_radius(0.008)
             .with_material(SHEET);
         let paint = stage.cloth(color);
         stage.spawn((cloth, NetMesh, paint, Transform::from_translation(place + Vec3::Y * 0.75)));

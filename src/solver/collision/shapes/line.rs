@@ -100,7 +100,8 @@ impl Line<'_> {
 /// How far from `from` the tangents at two places cross, whose values and slopes are given.
 fn crossing_of_tangents([from, to]: [f64; 2], [low, high]: [(f64, f64); 2]) -> f64 {
     let place = (low.0 - high.0 + high.1 * (to - from)) / (high.1 - low.1);
-    place.clamp(0.0, to - from)
+    // No `clamp`, which panics where all is NaN, as in a simulation that has diverged.
+    place.max(0.0).min(to - from)
 }
 
 /// The value there: nothing of a convex function between them is below.
@@ -118,5 +119,25 @@ pub(super) fn next_place([from, to]: [f64; 2], [low, high]: [(f64, f64); 2], num
         1 => crossing_of_tangents([from, to], [low, high]),
         _ => 0.5 * (to - from),
     };
-    from + way.clamp(0.01 * (to - from), 0.99 * (to - from))
+    from + way.max(0.01 * (to - from)).min(0.99 * (to - from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_edge_that_is_nowhere_has_no_deepest_point_and_stops_nothing() {
+        let shape = Shape::ball(1.0);
+        for bad in [f64::NAN, f64::INFINITY] {
+            for ends in [[DVec3::splat(bad), DVec3::X], [DVec3::NEG_X * 2.0, DVec3::new(bad, 0.5, 0.0)]] {
+                let line = Line { shape: &shape, ends, radii: [0.1, 0.1] };
+                let _ = line.deepest(0.1);
+                let _ = line.least();
+            }
+        }
+        let nan = (f64::NAN, f64::NAN);
+        assert!(least_of_tangents([f64::NAN, f64::NAN], [nan, nan]).is_nan());
+        assert!((0..3).all(|number| next_place([f64::NAN, f64::NAN], [nan, nan], number).is_nan()));
+    }
 }
