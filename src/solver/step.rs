@@ -1,5 +1,7 @@
 //! A tick: plan → substeps → outputs.
 
+mod stops;
+
 use crate::solver::air::Air;
 use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surfaces, Surroundings};
 use crate::solver::failures::Failures;
@@ -12,9 +14,6 @@ use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
-
-/// Number of times, at most, that what would pass through something is stopped at colliders and at surfaces in turn.
-const MAX_STOPS: u32 = 4;
 
 /// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
@@ -221,34 +220,6 @@ impl Caches {
         }
         if has_ramps {
             elements.ramp_to(1.0);
-        }
-    }
-
-    /// Stops what would pass through something; nothing rebounds below the `resting_speed`, m/s, and `have_touched` says
-    /// whether surfaces have.
-    fn stop_crossings(&mut self, state: &mut State, inputs: &Inputs, resting_speed: f32, have_touched: bool) {
-        let Inputs { colliders, skins, .. } = inputs;
-        let Self { contacts, surfaces, .. } = self;
-        let mut have_stopped = false;
-        surfaces.begin_stops();
-        // What stops at one may be in the way of the other.
-        for round in 0..MAX_STOPS {
-            let at_colliders =
-                contacts.stop_at_colliders(&mut state.particles, (colliders, skins), resting_speed);
-            let at_surfaces =
-                (round == 0 || at_colliders) && surfaces.stop_crossings(&mut state.particles, skins);
-            have_stopped |= at_colliders || at_surfaces;
-            if !at_surfaces {
-                break;
-            }
-        }
-        if have_touched || have_stopped {
-            self.scratch.disturb();
-            if !state.pulls.is_empty() {
-                self.surfaces.for_each_touching(|slot| state.pulls.touch(slot));
-                let stopped = self.contacts.stopped_at_colliders();
-                stopped.iter().for_each(|slot| state.pulls.touch(*slot as usize));
-            }
         }
     }
 

@@ -242,11 +242,11 @@ impl Guard {
                     continue;
                 }
                 any = true;
-                for corner in 0..met.count {
-                    let share = met.weights[corner] * inverse_mass[corner] / yields;
-                    let velocity = Vec3A::from(particles.velocity.get(met.slots[corner]));
-                    let velocity = velocity + met.normal * (missing * share);
-                    particles.velocity.set(met.slots[corner], velocity.into());
+                let corners = met.slots.iter().zip(met.weights).zip(inverse_mass).take(met.count);
+                for ((slot, weight), inverse_mass) in corners {
+                    let velocity = Vec3A::from(particles.velocity.get(*slot));
+                    let velocity = velocity + met.normal * (missing * weight * inverse_mass / yields);
+                    particles.velocity.set(*slot, velocity.into());
                 }
             }
             if !any {
