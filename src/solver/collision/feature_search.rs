@@ -10,14 +10,15 @@
 
 use bevy::math::{DVec3, Vec3, Vec3A};
 
+use super::collider::{Collider, Placed};
 use super::features::{Feature, sum, weigh};
-use super::material::skin_of;
+use super::material::{Skin, skin_of};
 use super::response::{Approach, Rebound};
 use super::shapes::{Arrival, Bounds, Deepest, Nearest, Ways};
 use super::touch::Touch;
 use super::touch_search::{Search, rounding};
 use crate::solver::parallel;
-use crate::solver::particles::Vectors;
+use crate::solver::particles::{Particles, Vectors};
 
 /// Number of edges and triangles whose colliders are looked for together.
 const CHUNK: usize = 16;
@@ -60,6 +61,16 @@ struct Part {
     near: Vec<u32>,
 }
 
+/// What a list of pairs depends on.
+#[derive(Clone, Copy)]
+pub(super) struct Surroundings<'a> {
+    pub colliders: &'a [Collider],
+    pub placed: &'a Placed,
+    pub skins: &'a [Skin],
+    /// Positions at the start of the substep, m.
+    pub previous: &'a Vectors,
+}
+
 /// A feature and a collider near it.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
@@ -95,13 +106,43 @@ impl FeatureSearch {
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(features.len().div_ceil(size), Part::default);
         let parts = self.parts.iter_mut().zip(features.chunks(size));
+        let Search { colliders, placed, skins, previous, particles, .. } = search;
+        let surroundings = Surroundings { colliders, placed, skins, previous };
         parallel::for_each(parts, features.len() >= MIN_SHARED, |(part, features)| {
             if is_stale {
-                part.list(search, features, margin);
+                part.list(surroundings, particles, features, margin);
             }
             part.find(search, features, ways);
         });
         self.parts.iter_mut().for_each(|part| touches.append(&mut part.touches));
+    }
+
+    /// Calls `visit` with the numbers of the features and the places of the colliders that may have touched in the substep,
+    /// wherever contacts have moved the particles since the search, in the order of the features.
+    pub fn for_each_near(
+        &mut self,
+        features: &[Feature],
+        surroundings: Surroundings,
+        particles: &Particles,
+        mut visit: impl FnMut(u32, usize),
+    ) {
+        let axes = self.seen.axes().into_iter().zip(particles.position.axes());
+        let farthest = |(seen, now): (&[f32], &[f32])| {
+            seen.iter().zip(now).map(|(seen, now)| (now - seen).abs()).fold(0.0, f32::max)
+        };
+        // At most √3 times as far as along any axis; NaN is in no box.
+        let moved = 2.0 * axes.map(farthest).fold(0.0, f32::max);
+        let size = CHUNK * CHUNKS_PER_PART;
+        if moved > self.margin {
+            let radius = particles.radius().iter().copied().fold(0.0, f32::max);
+            self.margin = MARGIN_IN_RADII * radius;
+            for (part, features) in self.parts.iter_mut().zip(features.chunks(size)) {
+                part.list(surroundings, particles, features, self.margin);
+            }
+        }
+        for (first, part) in (0..).step_by(size).zip(&self.parts) {
+            part.pairs.iter().for_each(|pair| visit(first + pair.feature, pair.place as usize));
+        }
     }
 
     /// Measures how far all have moved since the last search, by way of where they were when the substep began; the longest.
@@ -137,21 +178,18 @@ impl FeatureSearch {
 
 impl Part {
     /// Lists the pairs that are at most `margin` m apart, and some more.
-    fn list(&mut self, search: Search, features: &[Feature], margin: f32) {
+    fn list(&mut self, surroundings: Surroundings, particles: &Particles, features: &[Feature], margin: f32) {
         self.pairs.clear();
-        let Search { colliders, placed, skins, is_implicit, .. } = search;
+        let Surroundings { colliders, placed, skins, previous } = surroundings;
+        let bounds_of = |feature: &Feature| bounds_of(feature, previous, particles);
         for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
-            let bounds =
-                chunk.iter().map(|feature| bounds_of(search, feature)).fold(Bounds::EMPTY, Bounds::union);
+            let bounds = chunk.iter().map(bounds_of).fold(Bounds::EMPTY, Bounds::union);
             placed.near(&bounds.grown(margin), &mut self.near);
             if self.near.is_empty() {
                 continue;
             }
             for (feature, number) in chunk.iter().zip(first..) {
-                if feature.corners.iter().any(|slot| is_implicit.get(*slot as usize) == Some(&true)) {
-                    continue;
-                }
-                let own = bounds_of(search, feature);
+                let own = bounds_of(feature);
                 let layers = skin_of(skins, feature.corners[0] as usize).layers;
                 for place in self.near.iter().copied() {
                     let collider = &colliders[placed.numbers[place as usize] as usize];
@@ -171,7 +209,8 @@ impl Part {
             let feature = &features[pair.feature as usize];
             let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
             pair.clearance -= a.max(b).max(c) + collider_ways[pair.place as usize];
-            if pair.clearance > 0.0 {
+            let is_implicit = |slot: &u32| search.is_implicit.get(*slot as usize) == Some(&true);
+            if pair.clearance > 0.0 || feature.corners.iter().any(is_implicit) {
                 continue;
             }
             match search.look_at(feature, pair.place as usize) {
@@ -183,12 +222,12 @@ impl Part {
 }
 
 /// What bounds a feature and its way in the substep.
-fn bounds_of(search: Search, feature: &Feature) -> Bounds {
+fn bounds_of(feature: &Feature, previous: &Vectors, particles: &Particles) -> Bounds {
     let mut bounds = Bounds::EMPTY;
     let mut radius = 0.0_f32;
     for slot in feature.corners.map(|slot| slot as usize) {
-        bounds = bounds.with(search.particles.position.get(slot)).with(search.previous.get(slot));
-        radius = radius.max(search.particles.radius()[slot]);
+        bounds = bounds.with(particles.position.get(slot)).with(previous.get(slot));
+        radius = radius.max(particles.radius()[slot]);
     }
     let size = bounds.low.abs().max(bounds.high.abs()).max_element();
     bounds.grown(radius + 16.0 * f32::EPSILON * size)
@@ -198,7 +237,7 @@ impl Search<'_> {
     /// The contact of a feature with a collider, unless nothing in it can move; or a clearance.
     fn look_at(&self, feature: &Feature, place: usize) -> Result<Option<Touch>, f32> {
         let Search { colliders, placed, particles, .. } = *self;
-        let apart = bounds_of(*self, feature).distance(&placed.bounds[place]);
+        let apart = bounds_of(feature, self.previous, particles).distance(&placed.bounds[place]);
         if apart > 0.0 {
             return Err(apart);
         }

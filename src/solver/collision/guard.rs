@@ -9,15 +9,13 @@
 
 use bevy::math::{DVec3, Vec3A};
 
-use super::collider::{Collider, Moment, Placed};
+use super::collider::{Collider, Moment};
+use super::feature_search::{FeatureSearch, Surroundings};
 use super::features::{Feature, sum};
-use super::material::{Skin, skin_of};
-use super::shapes::{Arrival, Bounds, Ways};
+use super::material::skin_of;
+use super::shapes::{Arrival, Ways};
 use super::touch_search::rounding;
 use crate::solver::particles::{Particles, Vectors};
-
-/// Number of features whose colliders are looked for together.
-const CHUNK: usize = 16;
 
 /// The part of its radius that is always left between a feature and a collider.
 const LEAST_PART: f64 = 0.1;
@@ -40,11 +38,7 @@ const VELOCITY_ITERATIONS: usize = 32;
 #[derive(Clone, Copy)]
 pub(super) struct Around<'a> {
     pub features: &'a [Feature],
-    pub colliders: &'a [Collider],
-    pub placed: &'a Placed,
-    pub skins: &'a [Skin],
-    /// Positions at the start of the substep, m.
-    pub start: &'a Vectors,
+    pub surroundings: Surroundings<'a>,
     /// Below this speed nothing rebounds, m/s.
     pub resting_speed: f32,
 }
@@ -52,13 +46,12 @@ pub(super) struct Around<'a> {
 /// Working memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Guard {
-    /// In this tick the half thickness of the thinnest collider, m, and the way up to which no feature is followed, m.
-    slow: Option<(f32, f32)>,
+    /// The way up to which no feature is followed in this tick, m.
+    slow_way: Option<f32>,
     /// How far each particle moves in the substep, m.
     ways: Vec<f32>,
     /// The numbers of the features and the places of the colliders that are followed.
     pairs: Vec<[u32; 2]>,
-    near: Vec<u32>,
     /// By slot: whether it was stopped in this round, or in the one before.
     is_new: [Vec<bool>; 2],
     stopped: Vec<u32>,
@@ -85,7 +78,7 @@ impl Guard {
 
     /// To be called when a tick begins.
     pub fn begin_tick(&mut self) {
-        self.slow = None;
+        self.slow_way = None;
         self.stopped.clear();
     }
 
@@ -95,11 +88,11 @@ impl Guard {
     }
 
     /// Stops the features that would pass through a collider; whether there were any.
-    pub fn stop(&mut self, around: Around, particles: &mut Particles) -> bool {
-        if around.features.is_empty() || around.placed.is_empty() {
+    pub fn stop(&mut self, around: Around, search: &mut FeatureSearch, particles: &mut Particles) -> bool {
+        if around.features.is_empty() {
             return false;
         }
-        self.list_pairs(around, particles);
+        self.list_pairs(around, search, particles);
         if self.pairs.is_empty() {
             return false;
         }
@@ -119,11 +112,12 @@ impl Guard {
     }
 
     /// Lists the features that are fast, and the colliders that are near them.
-    fn list_pairs(&mut self, around: Around, particles: &Particles) {
-        let Around { features, colliders, placed, skins, start, .. } = around;
-        let Self { ways, pairs, near, .. } = self;
+    fn list_pairs(&mut self, around: Around, search: &mut FeatureSearch, particles: &Particles) {
+        let Around { features, surroundings, .. } = around;
+        let Surroundings { colliders, placed, previous, .. } = surroundings;
+        let Self { ways, pairs, .. } = self;
         pairs.clear();
-        let [from, to] = [start, &particles.position].map(Vectors::axes);
+        let [from, to] = [previous, &particles.position].map(Vectors::axes);
         ways.clear();
         ways.extend((0..particles.len()).map(|slot| {
             let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
@@ -137,10 +131,10 @@ impl Guard {
         let collider_way = collider_way.fold(0.0, f32::max);
         let thickness =
             |place: usize| colliders[placed.numbers[place] as usize].shape.half_thickness() as f32;
-        let (thinnest, slow_way) = *self.slow.get_or_insert_with(|| {
+        let slow_way = *self.slow_way.get_or_insert_with(|| {
             let thinnest = (0..placed.numbers.len()).map(thickness).fold(f32::INFINITY, f32::min);
             let each = features.iter().map(|feature| longest_slow_way(radius(feature), thinnest));
-            (thinnest, each.fold(f32::INFINITY, f32::min))
+            each.fold(f32::INFINITY, f32::min)
         });
         if ways.iter().copied().fold(0.0, f32::max) + collider_way <= slow_way {
             return;
@@ -149,37 +143,19 @@ impl Guard {
             let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
             a.max(b).max(c)
         };
-        let is_fast =
-            |feature: &Feature| own_way(feature) + collider_way > longest_slow_way(radius(feature), thinnest);
-        for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
-            if !chunk.iter().any(is_fast) {
-                continue;
+        search.for_each_near(features, surroundings, particles, |number, place| {
+            let feature = &features[number as usize];
+            let way = own_way(feature) + placed.longest_way(place, colliders);
+            if way > longest_slow_way(radius(feature), thickness(place)) {
+                pairs.push([number, place as u32]);
             }
-            let fast = chunk.iter().filter(|feature| is_fast(feature));
-            let bounds = fast.map(|feature| bounds_of(feature, start, particles));
-            placed.near(&bounds.fold(Bounds::EMPTY, Bounds::union), near);
-            if near.is_empty() {
-                continue;
-            }
-            for (number, feature) in (first..).zip(chunk).filter(|(_, feature)| is_fast(feature)) {
-                let bounds = bounds_of(feature, start, particles);
-                let layers = skin_of(skins, feature.corners[0] as usize).layers;
-                for place in near.iter().copied() {
-                    let collider = &colliders[placed.numbers[place as usize] as usize];
-                    let way = own_way(feature) + placed.longest_way(place as usize, colliders);
-                    let is_slow = way <= longest_slow_way(radius(feature), thickness(place as usize));
-                    let is_solid = !collider.is_sensor && layers.meet(collider.layers);
-                    if is_solid && !is_slow && placed.bounds[place as usize].overlaps(&bounds) {
-                        pairs.push([number, place]);
-                    }
-                }
-            }
-        }
+        });
     }
 
     /// Stops those that come too near, in their order; whether there were any.
     fn go_round(&mut self, around: Around, particles: &mut Particles, round: u32) -> bool {
-        let Around { features, colliders, placed, start, .. } = around;
+        let Around { features, surroundings, .. } = around;
+        let Surroundings { colliders, placed, previous, .. } = surroundings;
         let Self { pairs, is_new, stopped, met, .. } = self;
         is_new.swap(0, 1);
         is_new[0].fill(false);
@@ -196,7 +172,7 @@ impl Guard {
             let moment = &placed.moments[place];
             let positions = slots.map(|slot| particles.position.get(slot).as_dvec3());
             let ways = Ways {
-                from: slots.map(|slot| moment.from.to_local(start.get(slot).as_dvec3())),
+                from: slots.map(|slot| moment.from.to_local(previous.get(slot).as_dvec3())),
                 to: positions.map(|position| moment.to.to_local(position)),
                 count: feature.count,
             };
@@ -330,8 +306,9 @@ impl Met {
 impl Around<'_> {
     /// The impact of a feature that was stopped.
     fn meet(&self, (feature, place): (&Feature, usize), arrival: &Arrival, particles: &Particles) -> Met {
-        let moment = &self.placed.moments[place];
-        let collider = &self.colliders[self.placed.numbers[place] as usize];
+        let Surroundings { colliders, placed, skins, .. } = self.surroundings;
+        let moment = &placed.moments[place];
+        let collider = &colliders[placed.numbers[place] as usize];
         let slots = feature.corners.map(|slot| slot as usize);
         let normal: DVec3 = moment.to.direction(&collider.shape, arrival.normal);
         let surface_velocity = moment.velocity_at(collider, moment.to.to_world(arrival.foot));
@@ -343,7 +320,7 @@ impl Around<'_> {
             surface_velocity: Vec3A::from(surface_velocity.as_vec3()),
             target_velocity: 0.0,
         };
-        let [restitution, _] = collider.material.between(skin_of(self.skins, slots[0]).material);
+        let [restitution, _] = collider.material.between(skin_of(skins, slots[0]).material);
         let rebound = -restitution * met.speed(particles);
         Met { target_velocity: if rebound > self.resting_speed { rebound } else { 0.0 }, ..met }
     }
@@ -353,15 +330,4 @@ impl Around<'_> {
 /// thickness of the collider, from where contacts push it out on the right side.
 fn longest_slow_way(radius: f32, half_thickness: f32) -> f32 {
     FOLLOWED_PART * if radius > 0.0 { LEAST_PART as f32 * radius } else { half_thickness }
-}
-
-/// What bounds a feature and its way.
-fn bounds_of(feature: &Feature, start: &Vectors, particles: &Particles) -> Bounds {
-    let mut bounds = Bounds::EMPTY;
-    for slot in feature.corners.map(|slot| slot as usize) {
-        bounds = bounds.with(start.get(slot)).with(particles.position.get(slot));
-    }
-    let size = bounds.low.abs().max(bounds.high.abs()).max_element();
-    let radius = feature.corners.map(|slot| particles.radius()[slot as usize]);
-    bounds.grown(LEAST_PART as f32 * radius[0].max(radius[1]).max(radius[2]) + 64.0 * f32::EPSILON * size)
 }

@@ -1,6 +1,7 @@
 //! Colliders that are no half-spaces, in the course of a tick.
 
 use super::collider::{Collider, Placed};
+use super::feature_search::Surroundings;
 use super::features::Feature;
 use super::guard::Around;
 use super::material::Skin;
@@ -57,12 +58,13 @@ impl ContactCaches {
         (colliders, skins): (&[Collider], &[Skin]),
         resting_speed: f32,
     ) -> bool {
-        let Self { placed, features, previous: start, guard, .. } = self;
+        let Self { placed, features, feature_search, previous, guard, .. } = self;
         if placed.is_empty() {
             return false;
         }
-        let features = features.all();
-        guard.stop(Around { features, colliders, placed, skins, start, resting_speed }, particles)
+        let surroundings = Surroundings { colliders, placed, skins, previous };
+        let around = Around { features: features.all(), surroundings, resting_speed };
+        guard.stop(around, feature_search, particles)
     }
 
     /// The particles that were stopped in the last substep, some more than once.
