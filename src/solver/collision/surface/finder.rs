@@ -1,12 +1,14 @@
 //! Walks down the trees of two bodies, and lists the primitives whose boxes overlap.
 
+use std::ops::Range;
+
 use bevy::math::Vec3A;
 
 use super::closest::closest;
 use super::pair::Kind;
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
-use super::tree::{Box3, Cluster, Forest};
+use super::tree::{Box3, CLUSTER};
 use crate::solver::graph::Exclusions;
 
 use super::super::material::{Skin, skin_of};
@@ -28,12 +30,42 @@ pub(super) struct Finder<'a> {
     pub most: usize,
 }
 
-/// The boxes of nodes and of vertices, and whether pairs are within a body.
-pub(super) type Boxes<'b> = (&'b [Box3], &'b [Box3], bool);
+/// The boxes of all that has one, and whether pairs are within a body.
+#[derive(Clone, Copy)]
+pub(super) struct Boxes<'b> {
+    pub nodes: &'b [Box3],
+    /// By slot.
+    pub vertices: &'b [Box3],
+    pub edges: &'b [Box3],
+    pub triangles: &'b [Box3],
+    pub is_within: bool,
+}
+
+/// The numbers of the edges or the triangles of a cluster that overlap a box.
+struct Overlapping {
+    numbers: [u32; 3 * CLUSTER],
+    count: usize,
+}
+
+impl Overlapping {
+    fn of(range: &Range<u32>, boxes: &[Box3], limit: &Box3) -> Self {
+        let (mut numbers, mut count) = ([0; 3 * CLUSTER], 0);
+        for number in range.clone().filter(|number| boxes[*number as usize].overlaps(limit)) {
+            numbers[count] = number;
+            count += 1;
+        }
+        Self { numbers, count }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = usize> {
+        self.numbers[..self.count].iter().map(|number| *number as usize)
+    }
+}
 
 impl Finder<'_> {
     /// Looks for pairs below two nodes.
-    pub fn walk(&mut self, pair: [u32; 2], (nodes, vertices, is_within): Boxes, stack: &mut Vec<[u32; 2]>) {
+    pub fn walk(&mut self, pair: [u32; 2], boxes: Boxes, stack: &mut Vec<[u32; 2]>) {
+        let nodes = boxes.nodes;
         let forest = &self.primitives.forest;
         stack.clear();
         stack.push(pair);
@@ -44,7 +76,7 @@ impl Finder<'_> {
             let [first, second] = [one, other].map(|node| forest.nodes[node as usize]);
             if one == other {
                 match first.is_leaf {
-                    true => self.test_clusters([first.second; 2], (nodes, vertices, is_within), [one; 2]),
+                    true => self.test_clusters([first.second; 2], boxes, [one; 2]),
                     false => stack.extend([
                         [one + 1, one + 1],
                         [first.second, first.second],
@@ -59,7 +91,7 @@ impl Finder<'_> {
             match (first.is_leaf, second.is_leaf) {
                 (true, true) => {
                     let clusters = [first.second, second.second];
-                    self.test_clusters(clusters, (nodes, vertices, is_within), [one, other]);
+                    self.test_clusters(clusters, boxes, [one, other]);
                 }
                 (false, true) => stack.extend([[one + 1, other], [first.second, other]]),
                 (true, false) => stack.extend([[one, other + 1], [one, second.second]]),
@@ -74,13 +106,8 @@ impl Finder<'_> {
     }
 
     /// Looks for pairs of a ball with what is below a node.
-    pub fn walk_ball(
-        &mut self,
-        root: u32,
-        slot: u32,
-        (nodes, vertices): (&[Box3], &[Box3]),
-        stack: &mut Vec<[u32; 2]>,
-    ) {
+    pub fn walk_ball(&mut self, root: u32, slot: u32, boxes: Boxes, stack: &mut Vec<[u32; 2]>) {
+        let Boxes { nodes, vertices, .. } = boxes;
         let forest = &self.primitives.forest;
         let own = vertices[slot as usize];
         stack.clear();
@@ -95,13 +122,12 @@ impl Finder<'_> {
                 continue;
             }
             let cluster = &forest.clusters[second as usize];
-            for triangle in triangles_of(forest, cluster) {
-                if box_of(vertices, &triangle.corners).overlaps(&own) {
-                    self.add_vertex_face(slot, triangle, false);
-                }
+            for number in Overlapping::of(&cluster.triangles, boxes.triangles, &own).iter() {
+                self.add_vertex_face(slot, &forest.triangles[number], false);
             }
-            for edge in edges_of(forest, cluster).iter().filter(|edge| edge.marks & owns::FACE == 0) {
-                if box_of(vertices, &edge.corners).overlaps(&own) {
+            for number in Overlapping::of(&cluster.edges, boxes.edges, &own).iter() {
+                let edge = &forest.edges[number];
+                if edge.marks & owns::FACE == 0 {
                     let [a, b, _] = edge.corners;
                     self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], false);
                 }
@@ -110,36 +136,38 @@ impl Finder<'_> {
     }
 
     /// Looks for pairs between two clusters, or within one.
-    fn test_clusters(&mut self, numbers: [u32; 2], (nodes, vertices, is_within): Boxes, at: [u32; 2]) {
+    fn test_clusters(&mut self, numbers: [u32; 2], boxes: Boxes, at: [u32; 2]) {
         let forest = &self.primitives.forest;
         let clusters = numbers.map(|number| &forest.clusters[number as usize]);
-        let limits = [nodes[at[1] as usize], nodes[at[0] as usize]];
+        let nodes = at.map(|node| boxes.nodes[node as usize]);
         let is_same = numbers[0] == numbers[1];
         for side in 0..if is_same { 1 } else { 2 } {
             let (own, other) = (clusters[side], clusters[1 - side]);
+            let triangles = Overlapping::of(&other.triangles, boxes.triangles, &nodes[side]);
             for slot in &forest.vertices[own.vertices.start as usize..own.vertices.end as usize] {
-                let vertex = &vertices[*slot as usize];
-                if !vertex.overlaps(&limits[side]) {
+                let vertex = &boxes.vertices[*slot as usize];
+                if !vertex.overlaps(&nodes[1 - side]) {
                     continue;
                 }
-                for triangle in triangles_of(forest, other) {
-                    let is_near = box_of(vertices, &triangle.corners).overlaps(vertex);
-                    if is_near && !triangle.corners.contains(slot) {
-                        self.add_vertex_face(*slot, triangle, is_within);
+                for number in triangles.iter() {
+                    let triangle = &forest.triangles[number];
+                    if boxes.triangles[number].overlaps(vertex) && !triangle.corners.contains(slot) {
+                        self.add_vertex_face(*slot, triangle, boxes.is_within);
                     }
                 }
             }
         }
-        for (place, edge) in edges_of(forest, clusters[0]).iter().enumerate() {
-            let own = box_of(vertices, &edge.corners);
-            if !own.overlaps(&limits[0]) {
+        let others = Overlapping::of(&clusters[1].edges, boxes.edges, &nodes[0]);
+        for first in clusters[0].edges.clone().map(|number| number as usize) {
+            let (edge, own) = (&forest.edges[first], &boxes.edges[first]);
+            if !own.overlaps(&nodes[1]) {
                 continue;
             }
-            let others = edges_of(forest, clusters[1]);
-            for other in if is_same { &others[place + 1..] } else { others } {
-                let is_near = box_of(vertices, &other.corners).overlaps(&own);
+            for second in others.iter().filter(|second| !is_same || *second > first) {
+                let other = &forest.edges[second];
+                let is_near = boxes.edges[second].overlaps(own);
                 if is_near && !edge.corners[..2].iter().any(|corner| other.corners.contains(corner)) {
-                    self.add_edges(edge, other, is_within);
+                    self.add_edges(edge, other, boxes.is_within);
                 }
             }
         }
@@ -193,17 +221,8 @@ impl Finder<'_> {
     }
 }
 
-fn triangles_of<'f>(forest: &'f Forest, cluster: &Cluster) -> &'f [Primitive] {
-    &forest.triangles[cluster.triangles.start as usize..cluster.triangles.end as usize]
-}
-
-fn edges_of<'f>(forest: &'f Forest, cluster: &Cluster) -> &'f [Primitive] {
-    &forest.edges[cluster.edges.start as usize..cluster.edges.end as usize]
-}
-
-/// The box of a primitive.
-#[inline(always)]
-fn box_of(vertices: &[Box3], corners: &[u32; 3]) -> Box3 {
-    let [a, b, c] = corners.map(|corner| vertices[corner as usize]);
-    a.union(b).union(c)
+/// Whether no pair of a body collides: all its particles are of one family.
+pub(super) fn is_one_family(vertices: &[u32], families: &[u32]) -> bool {
+    !families.is_empty()
+        && vertices.iter().all(|slot| Exclusions::are_of_one_family(families, vertices[0], *slot))
 }

@@ -7,12 +7,11 @@
 
 use bevy::math::Vec3A;
 
-use super::finder::Finder;
+use super::finder::{Boxes, Finder, is_one_family};
 use super::pair::Kind;
 use super::primitives::Primitives;
 use super::spread::{EachMoved, Spread, room_of};
-use super::tree::Box3;
-use crate::solver::graph::Exclusions;
+use super::tree::{Box3, fit_primitives};
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
@@ -77,9 +76,10 @@ pub(super) struct Search {
     /// The numbers of the candidates that may touch before any vertex is farther than `limits`, m, in their order.
     pub close: Vec<u32>,
     limits: [f32; 2],
-    /// By node of the forest.
-    node_within: Vec<Box3>,
-    node_world: Vec<Box3>,
+    /// The boxes of nodes, edges and triangles, with their body and in the world.
+    nodes: [Vec<Box3>; 2],
+    edges: [Vec<Box3>; 2],
+    triangles: [Vec<Box3>; 2],
     /// By body: its box, where it has been; which bodies have a partner.
     body_boxes: Vec<Box3>,
     has_partner: Vec<bool>,
@@ -257,18 +257,29 @@ impl Search {
         self.make_boxes(primitives, moving);
         let count = moving.particles.len();
         self.moved.iter_mut().for_each(|moved| moved.resize(count, 0.0));
-        self.node_within.resize(forest.nodes.len(), Box3::NOTHING);
-        self.node_world.resize(forest.nodes.len(), Box3::NOTHING);
+        for frame in 0..2 {
+            let boxes = &self.boxes[frame];
+            self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
+            forest.bodies.iter().for_each(|body| forest.fit(body, boxes, &mut self.nodes[frame]));
+            if frame == 0 || forest.bodies.len() + primitives.balls.len() > 1 {
+                fit_primitives(&forest.edges, boxes, &mut self.edges[frame]);
+                fit_primitives(&forest.triangles, boxes, &mut self.triangles[frame]);
+            }
+        }
         self.body_boxes.clear();
         for (number, body) in forest.bodies.iter().enumerate() {
-            forest.fit(body, &self.boxes[0], &mut self.node_within);
-            forest.fit(body, &self.boxes[1], &mut self.node_world);
-            self.body_boxes.push(roomy(self.node_world[body.nodes.start as usize], self.ways[number]));
+            self.body_boxes.push(roomy(self.nodes[1][body.nodes.start as usize], self.ways[number]));
         }
         self.has_partner.clear();
         self.has_partner.resize(forest.bodies.len(), false);
-        let Self { candidates, node_within, node_world, boxes, stack, rooms, margin, .. } = self;
-        let [within, world] = boxes;
+        let Self { candidates, nodes, edges, triangles, boxes, stack, rooms, margin, .. } = self;
+        let [within, world] = [0, 1].map(|frame| Boxes {
+            nodes: &nodes[frame],
+            vertices: &boxes[frame],
+            edges: &edges[frame],
+            triangles: &triangles[frame],
+            is_within: frame == 0,
+        });
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
         let mut finder = Finder { primitives, moving, skins, candidates, rooms, margin: *margin, most };
@@ -278,7 +289,7 @@ impl Search {
                 continue;
             }
             let root = body.nodes.start;
-            finder.walk([root, root], (node_within, within, true), stack);
+            finder.walk([root, root], within, stack);
         }
         // The boxes of bodies, swept along x; balls are bodies, too.
         self.order.clear();
@@ -286,11 +297,11 @@ impl Search {
         self.order.extend(present.map(|(number, body)| (body.least.x, number)));
         let bodies = forest.bodies.len() as u32;
         let balls = (bodies..).zip(&primitives.balls);
-        self.order.extend(balls.map(|(number, slot)| (world[*slot as usize].least.x, number)));
+        self.order.extend(balls.map(|(number, slot)| (world.vertices[*slot as usize].least.x, number)));
         self.order.sort_unstable_by(|(one, a), (other, b)| one.total_cmp(other).then(a.cmp(b)));
         let box_of = |number: u32| match number.checked_sub(bodies) {
             None => self.body_boxes[number as usize],
-            Some(ball) => world[primitives.balls[ball as usize] as usize],
+            Some(ball) => world.vertices[primitives.balls[ball as usize] as usize],
         };
         self.partners.clear();
         for (place, (_, one)) in self.order.iter().enumerate() {
@@ -311,11 +322,11 @@ impl Search {
                 None => {
                     self.has_partner[other as usize] = true;
                     let other = forest.bodies[other as usize].nodes.start;
-                    finder.walk([root, other], (node_world, world, false), stack);
+                    finder.walk([root, other], world, stack);
                 }
                 Some(ball) => {
                     let slot = primitives.balls[ball as usize];
-                    finder.walk_ball(root, slot, (node_world, world), stack);
+                    finder.walk_ball(root, slot, world, stack);
                 }
             }
         }
@@ -382,10 +393,4 @@ fn roomy(tight: Box3, way: Vec3A) -> Box3 {
     let room = BODY_ROOM * (tight.most - tight.least);
     let (least, most) = (tight.least - room, tight.most + room);
     Box3 { least: least.min(least + way), most: most.max(most + way) }
-}
-
-/// Whether no pair of a body collides: all its particles are of one family.
-fn is_one_family(vertices: &[u32], families: &[u32]) -> bool {
-    !families.is_empty()
-        && vertices.iter().all(|slot| Exclusions::are_of_one_family(families, vertices[0], *slot))
 }

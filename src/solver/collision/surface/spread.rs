@@ -13,7 +13,7 @@ use crate::solver::particles::Vectors;
 const SKIN: f32 = 0.6;
 
 /// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
-const FAST_SKIN: [f32; 2] = [2.0, 6.0];
+const FAST_SKIN: [f32; 2] = [4.0, 6.0];
 
 /// Rounding, as a part of a coordinate.
 const ROUNDING: f32 = 4e-7;

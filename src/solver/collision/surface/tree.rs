@@ -15,7 +15,7 @@ use super::primitives::Primitive;
 use crate::solver::buckets::Buckets;
 
 /// Number of triangles, or of edges without one, in a cluster at most.
-const CLUSTER: usize = 8;
+pub(super) const CLUSTER: usize = 8;
 
 /// A box along the axes.
 #[derive(Debug, Clone, Copy)]
@@ -205,6 +205,15 @@ impl Forest {
             };
         }
     }
+}
+
+/// The boxes of primitives, to those of their vertices, by slot.
+pub(super) fn fit_primitives(primitives: &[Primitive], vertex: &[Box3], boxes: &mut Vec<Box3>) {
+    boxes.clear();
+    boxes.extend(primitives.iter().map(|primitive| {
+        let [a, b, c] = primitive.corners.map(|corner| vertex[corner as usize]);
+        a.union(b).union(c)
+    }));
 }
 
 /// Slots in ranges, in ascending order.
