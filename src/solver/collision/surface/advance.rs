@@ -10,7 +10,7 @@ use bevy::math::Vec3A;
 
 use super::closest::Closest;
 use super::contact::COINCIDENT;
-use super::pair::{LEAST_PART, Ways};
+use super::pair::{CLOSE_PART, LEAST_PART, Ways};
 use super::search::{Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 
@@ -164,7 +164,11 @@ impl Advance {
         for number in search.close.iter().copied() {
             let candidate = &search.candidates[number as usize];
             let least = LEAST_PART * candidate.largest_reach();
-            if candidate.least_distance(&search.moved) > least {
+            // By how little they have moved none of them stops, however long ago the search was. (The distance of the search is
+            // less than the true one by rounding.)
+            let nearest = candidate.least_distance(&search.moved);
+            let farthest = 2.0 * candidate.distance - nearest;
+            if nearest > least + 1.1 * CLOSE_PART * (farthest - least).max(0.0) {
                 continue;
             }
             let ways = candidate.ways(moving);

@@ -31,6 +31,9 @@ impl Kind {
 /// The part of the distance at which two primitives touch that is always left between them.
 pub(super) const LEAST_PART: f32 = 0.1;
 
+/// The part of what was between two beyond the least distance within which they have come near.
+pub(super) const CLOSE_PART: f32 = 0.1;
+
 /// Number of steps of a conservative advancement, at most.
 const MAX_STEPS: u32 = 64;
 
@@ -87,7 +90,7 @@ impl Ways {
             return 1.0;
         }
         let (mut time, mut now) = (0.0_f32, distance);
-        let close = least + 0.1 * (distance - least).max(0.0);
+        let close = least + CLOSE_PART * (distance - least).max(0.0);
         for _ in 0..MAX_STEPS {
             let step = 0.95 * (now - least).max(0.0) / speed;
             if time + step >= 1.0 {
