@@ -164,11 +164,7 @@ impl Advance {
         for number in search.close.iter().copied() {
             let candidate = &search.candidates[number as usize];
             let least = LEAST_PART * candidate.largest_reach();
-            // By how little they have moved none of them stops, however long ago the search was. (The distance of the search is
-            // less than the true one by rounding.)
-            let nearest = candidate.least_distance(&search.moved);
-            let farthest = 2.0 * candidate.distance - nearest;
-            if nearest > least + 1.1 * CLOSE_PART * (farthest - least).max(0.0) {
+            if candidate.least_distance(&search.moved) > (1.0 + CLOSE_PART) * least {
                 continue;
             }
             let ways = candidate.ways(moving);
@@ -203,10 +199,11 @@ impl Advance {
                 continue;
             }
             let is_patient = round < PATIENT_ROUNDS;
-            let time = if is_patient { ways.first_near(pair.distance, pair.least) } else { 0.0 };
+            let time = ways.first_near(pair.distance, pair.least);
             if time >= 1.0 {
                 continue;
             }
+            let time = if is_patient { time } else { 0.0 };
             pair.is_met = true;
             any |= stop_pair((slots, time), particles, (parts, next, stopped));
             if slots.iter().all(|slot| particles.is_pinned(*slot) || parts[*slot] == 0.0) {

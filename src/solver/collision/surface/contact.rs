@@ -2,7 +2,7 @@
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::pair::{Kind, Ways};
+use super::pair::{CLOSE_PART, Kind, Ways};
 use super::primitives::owns;
 use super::search::{Candidate, Moving};
 use crate::solver::particles::{Particles, Vectors};
@@ -166,7 +166,7 @@ impl Examination<'_> {
         } else if distance <= largest {
             0.0
         } else {
-            ways.first_near(distance, largest)
+            ways.first_near(distance, largest / (1.0 + CLOSE_PART))
         };
         let found = ways.closest(time);
         if !candidate.owns(&found.weights) {

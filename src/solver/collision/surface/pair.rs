@@ -31,11 +31,11 @@ impl Kind {
 /// The part of the distance at which two primitives touch that is always left between them.
 pub(super) const LEAST_PART: f32 = 0.1;
 
-/// The part of what was between two beyond the least distance within which they have come near.
-pub(super) const CLOSE_PART: f32 = 0.1;
+/// The part of the least distance, beyond it, within which two have come near; of what was between them, if that is less.
+pub(super) const CLOSE_PART: f32 = 0.25;
 
 /// Number of steps of a conservative advancement, at most.
-const MAX_STEPS: u32 = 64;
+const MAX_STEPS: u32 = 256;
 
 /// The straight ways of the corners of a pair.
 #[derive(Debug, Clone, Copy)]
@@ -80,7 +80,8 @@ impl Ways {
     }
 
     /// When the sides, which are `distance` m apart at the start, first come as near as `least`, m: a part of the way; 1 if
-    /// they never do. It is never later than that, and never as far as `least` within a tenth of what was between.
+    /// they never do. It is never later than that, and the distance then is at most 1 + [`CLOSE_PART`] times that: what stops does
+    /// not depend on which pairs are looked at that never come so near.
     ///
     /// Conservative advancement (Mirtich 1996; for such pairs Li, Kaufman and Jiang, *Codimensional incremental potential
     /// contact*, 2021, section 5).
@@ -90,7 +91,7 @@ impl Ways {
             return 1.0;
         }
         let (mut time, mut now) = (0.0_f32, distance);
-        let close = least + CLOSE_PART * (distance - least).max(0.0);
+        let close = least + CLOSE_PART * least.min(distance - least).max(0.0);
         for _ in 0..MAX_STEPS {
             let step = 0.95 * (now - least).max(0.0) / speed;
             if time + step >= 1.0 {
