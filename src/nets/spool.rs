@@ -1,4 +1,4 @@
-//! A rope whose length changes while it runs: wound up and paid out at its first particle, link by link.
+//! A rope with a length that changes while it runs: wound up and paid out at its first particle, link by link.
 //!
 //! The first link outside grows or shrinks with the rope. With EA the stretch stiffness, a link of rest length l has
 //! k = EA/l, so that a given strain is a given tension whatever l is. Beyond 1.5 times its full length a particle is

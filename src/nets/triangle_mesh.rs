@@ -54,7 +54,7 @@ impl TriangleMesh {
         self
     }
 
-    /// Adds the groups that vertex colours mean: `RED`, `GREEN` and `BLUE`, each of the vertices whose colour is that,
+    /// Adds the groups that vertex colours mean: `RED`, `GREEN` and `BLUE`, each of the vertices of that colour,
     /// with more than a half in its own channel and less in both others. Nothing without colours.
     pub fn paint_by_colours(&mut self) {
         if self.colours.is_empty() {

@@ -6,7 +6,7 @@ use bevy::math::{DVec3, Vec3};
 
 use super::{NetError, TriangleMesh};
 
-/// A mesh whose vertices in the same place are one.
+/// A mesh with one vertex in each place.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Welded {
     /// The places of the particles, in the order of the first vertex at each.
@@ -213,7 +213,7 @@ impl Welded {
 mod tests {
     use super::*;
 
-    /// A unit cube whose faces have vertices of their own, as Bevy's has.
+    /// A unit cube with vertices of its own for each face, as Bevy's has.
     pub fn cube() -> TriangleMesh {
         let mut mesh = TriangleMesh::default();
         for axis in 0..3 {

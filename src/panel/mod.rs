@@ -96,7 +96,7 @@ impl Default for MassSpringPanel {
 pub trait AppPanelSection {
     /// Adds a collapsible section, above those of the panel itself and after those added before.
     ///
-    /// It is drawn by an ordinary system whose first parameter is egui's `Ui`:
+    /// It is drawn by an ordinary system with egui's `Ui` as its first parameter:
     ///
     /// ```
     /// use bevy::prelude::*;

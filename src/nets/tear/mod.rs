@@ -4,7 +4,7 @@
 //! modeling and animation of brittle fracture* (1999), an end of it is split by the plane through it that the spring is
 //! normal to: the triangles on the two sides no longer share it. The edges of the mesh are where the surface opens, so
 //! that no triangle is lost or divided: what remains of the spring joins the two particles on its side of the tear.
-//! Then every particle nearby whose triangles are no longer joined edge to edge is split, too.
+//! Then every particle nearby with triangles that are no longer joined edge to edge is split, too.
 
 mod elements;
 mod surface;

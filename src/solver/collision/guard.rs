@@ -1,7 +1,8 @@
 //! The last word on where edges and triangles of nets go in a substep: none passes through a collider, whatever has moved it.
 //!
 //! Contacts push out what is nearest to the surface; what is fast may be beyond a thin solid by then, or be pushed by others. So
-//! each feature that moves by more than a part of its radius and of the thickness of the solid is followed on its way (`shapes/arrival.rs`).
+//! each feature that moves by more than a twentieth of its radius (without one, a quarter of the thickness of the solid) is followed on
+//! its way (`shapes/arrival.rs`).
 //! Where it would come nearer than a part of its thickness, it is pushed out of what it meets there, so that it goes on along the
 //! surface; as others share its corners, they are looked at again, until none is pushed any more. Where that does not end, corners
 //! stop, and go along with the collider. What is pushed or stopped has had an impact: it keeps its velocity along the surface, and

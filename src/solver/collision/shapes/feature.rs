@@ -163,9 +163,7 @@ impl Shape {
         let (found, _) = Line { shape: self, ends, radii: [0.0; 2] }.least();
         (found.weights, found.nearest)
     }
-}
 
-impl Shape {
     /// The point of a triangle, edges included, that is next to a convex shape.
     pub(super) fn nearest_of_triangle(&self, corners: [DVec3; 3]) -> ([f64; 3], Nearest) {
         if let Ok(found) = self.deepest_of_convex(corners, [0.0; 3], f64::INFINITY) {
