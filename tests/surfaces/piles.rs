@@ -144,9 +144,12 @@ fn twist(integrator: Integrator, size: [u32; 2], turns: f32, seconds: f32, looks
 
 #[test]
 fn a_twisted_tube_does_not_cross_itself() {
-    // Implicit schemes: see the limits in docs/contacts.md.
     for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd] {
         twist(integrator, [24, 24], 3.0, 1.0, 4);
+    }
+    // Squeezed by its rings it has nowhere to go, which such steps solve for long.
+    for integrator in [Integrator::ImplicitEuler, Integrator::TrBdf2] {
+        twist(integrator, [12, 12], 3.0, 1.0, 1);
     }
 }
 

@@ -5,13 +5,17 @@
 //! was so all the way. That certifies nearly all pairs by a few products. Of the others a conservative advancement says how
 //! far they get; their particles stop there, and the pairs of those are looked at again, until all are certified. As ways only
 //! get shorter, and nothing is passed without a way, this ends. Least distances keep rounding away.
+//!
+//! Pinned particles do not stop. What is in their way is pushed along, each particle by its share, and pushes others in turn.
+//! Where that does not end, all that stops goes with a smooth field (`follow.rs`), and what that leaves too near is pushed.
 
 use bevy::math::Vec3A;
 
 use super::closest::Closest;
 use super::contact::COINCIDENT;
+use super::follow::Field;
 use super::pair::{CLOSE_PART, LEAST_PART, Ways};
-use super::search::{Moving, Search};
+use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 
 /// Number of rounds after which what would pass through something stays where it was.
@@ -26,19 +30,24 @@ const VELOCITY_ITERATIONS: usize = 32;
 /// The part of the present distance below which two do not come that are nearer than the least distance already.
 const KEPT_PART: f32 = 0.97;
 
+/// How much heavier a particle counts that is pushed already, so that what is in its way yields.
+const PUSHED_HEAVINESS: f32 = 10.0;
+
 /// A pair that may come too near.
 #[derive(Debug, Clone, Copy)]
 struct Tight {
     /// Its number among the candidates.
     number: u32,
+    /// Along which they are apart at the start.
     direction: Vec3A,
-    /// Those of the closest points at the start; see [`super::contact::Contact`].
+    /// Along which, and with which weights, they are apart where they were stopped or pushed; see [`super::contact::Contact`].
+    normal: Vec3A,
     weights: [f32; 4],
     /// At the start, m.
     distance: f32,
     /// m.
     least: f32,
-    /// Whether it was stopped.
+    /// Whether it was stopped or pushed.
     is_met: bool,
 }
 
@@ -51,7 +60,9 @@ pub(super) struct Advance {
     next: Vec<f32>,
     /// The particles that stop on the way.
     stopped: Vec<u32>,
-    is_carried: Vec<bool>,
+    /// By slot: whether it is pushed by what is pinned, if through others.
+    is_pushed: Vec<bool>,
+    field: Field,
 }
 
 impl Advance {
@@ -72,17 +83,11 @@ impl Advance {
             parts.clear();
             parts.resize(count, 1.0);
         }
-        self.is_carried.clear();
-        self.is_carried.resize(count, false);
-        let mut is_settled = false;
-        for round in 0..MAX_ROUNDS {
-            is_settled = !self.shorten(search, start, particles, round);
-            if is_settled {
-                break;
-            }
-        }
-        if !is_settled {
-            self.stop_all(particles, on_mesh);
+        self.is_pushed.clear();
+        self.is_pushed.resize(count, false);
+        if !self.settle(search, start, particles) {
+            self.put_back(start, particles, on_mesh);
+            self.settle(search, start, particles);
         }
         self.stop_velocities(search, particles);
         let mut any = false;
@@ -92,8 +97,8 @@ impl Advance {
             if part < 1.0 {
                 let [from, to] = [start.get(slot), particles.position.get(slot)];
                 particles.position.set(slot, if part == 0.0 { from } else { from + part * (to - from) });
-                any = true;
             }
+            any |= part < 1.0 || self.is_pushed[slot];
         }
         any
     }
@@ -109,14 +114,14 @@ impl Advance {
                 let yields: f32 = (0..4).map(|place| weights[place].powi(2) * inverse_mass[place]).sum();
                 let velocity = slots.map(|slot| Vec3A::from(particles.velocity.get(slot)));
                 let relative: Vec3A = (0..4).map(|place| weights[place] * velocity[place]).sum();
-                let approach = -relative.dot(pair.direction);
+                let approach = -relative.dot(pair.normal);
                 if approach.is_nan() || approach <= 0.0 || yields == 0.0 {
                     continue;
                 }
                 any = true;
                 for place in 0..candidate.kind.corners() {
                     let share = weights[place] * inverse_mass[place] / yields;
-                    let new = velocity[place] + pair.direction * (approach * share);
+                    let new = velocity[place] + pair.normal * (approach * share);
                     particles.velocity.set(slots[place], new.into());
                 }
             }
@@ -126,24 +131,23 @@ impl Advance {
         }
     }
 
-    /// Puts all surfaces and balls back to where they were.
-    pub fn put_back(&mut self, start: &Vectors, particles: &mut Particles, on_mesh: &[bool]) {
-        for slot in 0..particles.len() {
-            if may_stop(particles, on_mesh, slot) {
-                particles.position.set(slot, start.get(slot));
-                self.stopped.push(slot as u32);
-            }
-        }
+    /// Shortens ways until all are certified; whether they are after some rounds.
+    fn settle(&mut self, search: &Search, start: &Vectors, particles: &mut Particles) -> bool {
+        (0..MAX_ROUNDS).any(|round| !self.shorten(search, start, particles, round))
     }
 
-    /// Leaves all surfaces and balls where they were.
-    fn stop_all(&mut self, particles: &Particles, on_mesh: &[bool]) {
-        let Self { parts, next, stopped, .. } = self;
-        for slot in (0..parts.len()).filter(|slot| may_stop(particles, on_mesh, *slot)) {
-            if parts[slot] == 1.0 {
-                stopped.push(slot as u32);
+    /// Puts all surfaces and balls back to where they were, but for what goes along with pinned ones.
+    pub fn put_back(&mut self, start: &Vectors, particles: &mut Particles, on_mesh: &[bool]) {
+        let Self { field, parts, next, stopped, is_pushed, .. } = self;
+        field.measure(start, particles, on_mesh);
+        for slot in 0..particles.len() {
+            if !may_stop(particles, on_mesh, slot) {
+                continue;
             }
-            (parts[slot], next[slot]) = (0.0, 0.0);
+            let place = Vec3A::from(start.get(slot));
+            particles.position.set(slot, (place + field.at(place)).into());
+            (parts[slot], next[slot], is_pushed[slot]) = (1.0, 1.0, true);
+            stopped.push(slot as u32);
         }
     }
 
@@ -176,19 +180,20 @@ impl Advance {
             }
             let (direction, least) = (apart / distance, least.min(KEPT_PART * distance));
             let weights = candidate.signed(weights);
-            self.tight.push(Tight { number, direction, weights, distance, least, is_met: false });
+            let normal = direction;
+            self.tight.push(Tight { number, direction, normal, weights, distance, least, is_met: false });
         }
     }
 
     /// One round over all pairs; whether any particle goes less far than before.
     fn shorten(&mut self, search: &Search, start: &Vectors, particles: &mut Particles, round: u32) -> bool {
-        let Self { tight, parts, next, stopped, is_carried } = self;
+        let Self { tight, parts, next, stopped, is_pushed, .. } = self;
         let mut any = false;
         for pair in &mut *tight {
             let candidate = &search.candidates[pair.number as usize];
             let slots = candidate.slots.map(|slot| slot as usize);
             // In a later round only what has been stopped in the one before makes a difference.
-            if round > 0 && !slots.iter().any(|slot| parts[*slot] < 1.0 || is_carried[*slot]) {
+            if round > 0 && !slots.iter().any(|slot| parts[*slot] < 1.0 || is_pushed[*slot]) {
                 continue;
             }
             let mut ways = candidate.ways(Moving { start, end: &particles.position, particles });
@@ -203,11 +208,17 @@ impl Advance {
             if time >= 1.0 {
                 continue;
             }
-            let time = if is_patient { time } else { 0.0 };
             pair.is_met = true;
-            any |= stop_pair((slots, time), particles, (parts, next, stopped));
-            if slots.iter().all(|slot| particles.is_pinned(*slot) || parts[*slot] == 0.0) {
-                any |= carry(slots, &ways, start, particles, (parts, next, is_carried));
+            let is_pushed_already = slots.iter().any(|slot| is_pushed[*slot]);
+            let has_stopped = slots.iter().all(|slot| particles.is_pinned(*slot) || parts[*slot] == 0.0);
+            if is_pushed_already || has_stopped {
+                any |= push((candidate, time), &ways, pair, particles, (parts, next, is_pushed, stopped));
+            } else {
+                any |= stop_pair(
+                    (slots, if is_patient { time } else { 0.0 }),
+                    particles,
+                    (parts, next, stopped),
+                );
             }
         }
         for slot in stopped.iter().map(|slot| *slot as usize) {
@@ -242,28 +253,42 @@ fn stop_pair(
     any
 }
 
-/// Moves the free particles of a pair along with the pinned ones, which go where they are sent, once; whether any are.
-fn carry(
-    slots: [usize; 4],
+/// Pushes the free particles of a pair along, in front of pinned ones that go where they are sent, or of what these push; whether
+/// any are. They part at the closest points at a `time`.
+fn push(
+    (candidate, time): (&Candidate, f32),
     ways: &Ways,
-    start: &Vectors,
+    pair: &mut Tight,
     particles: &mut Particles,
-    (parts, next, is_carried): (&mut [f32], &mut [f32], &mut [bool]),
+    (parts, next, is_pushed, stopped): (&mut [f32], &mut [f32], &mut [bool], &mut Vec<u32>),
 ) -> bool {
-    let count = ways.kind.corners();
-    let pinned = || (0..count).filter(|place| particles.is_pinned(slots[*place]));
-    let way = pinned().map(|place| ways.way[place]).sum::<Vec3A>() / pinned().count().max(1) as f32;
-    if way == Vec3A::ZERO {
+    let slots = candidate.slots.map(|slot| slot as usize);
+    let Closest { apart, weights } = ways.closest(time);
+    let (normal, weights) = (apart.normalize_or_zero(), candidate.signed(weights));
+    let ends = ways.at(1.0);
+    let gap: f32 = (0..4).map(|place| weights[place] * normal.dot(ends[place] - ends[0])).sum();
+    // Beyond what counts as near.
+    let kept = pair.least + 2.0 * CLOSE_PART * pair.least.min(pair.distance - pair.least);
+    let yielding = |place: usize| {
+        let heaviness = if is_pushed[slots[place]] { PUSHED_HEAVINESS } else { 1.0 };
+        weights[place] * particles.inverse_mass()[slots[place]] / heaviness
+    };
+    let yields: f32 = (0..4).map(|place| weights[place] * yielding(place)).sum();
+    let length = (kept - gap) / yields;
+    if !(length.is_finite() && length > 0.0) {
         return false;
     }
-    let mut any = false;
-    for slot in slots.into_iter().take(count) {
-        if !particles.is_pinned(slot) && !std::mem::replace(&mut is_carried[slot], true) {
-            let target = Vec3A::from(start.get(slot)) + way;
-            particles.position.set(slot, target.into());
-            (parts[slot], next[slot]) = (1.0, 1.0);
-            any = true;
+    (pair.normal, pair.weights) = (normal, weights);
+    let pushed: [Vec3A; 4] = std::array::from_fn(|place| ends[place] + normal * (length * yielding(place)));
+    for (slot, end) in slots.into_iter().zip(pushed).take(candidate.kind.corners()) {
+        if particles.is_pinned(slot) {
+            continue;
         }
+        if next[slot] == 1.0 && !is_pushed[slot] {
+            stopped.push(slot as u32);
+        }
+        particles.position.set(slot, end.into());
+        (parts[slot], next[slot], is_pushed[slot]) = (1.0, 1.0, true);
     }
-    any
+    true
 }

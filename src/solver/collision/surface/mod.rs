@@ -16,7 +16,7 @@
 //!   vertex stays in a box of which the search knows (`search.rs`).
 //!
 //! It is the last thing in a substep, after all that moves particles: any scheme, contacts of all kinds, strain limits.
-//! Pinned particles go where they are sent; others are moved on with them.
+//! Pinned particles go where they are sent, and push the others.
 //!
 //! **What touches** (`contact.rs`, `solve.rs`): pairs that come nearer than the sum of their radii, those at the closest points.
 //! Neighbours on a mesh keep half of the way along it (`near.rs`), if that is less. What starts crossed, or in one place, is
@@ -26,8 +26,10 @@
 
 mod advance;
 mod closest;
+mod confine;
 mod contact;
 mod finder;
+mod follow;
 mod near;
 mod pair;
 mod primitives;
@@ -38,6 +40,7 @@ mod stiff;
 mod tree;
 
 use advance::Advance;
+use confine::{ATTEMPTS, Confinement};
 use contact::{Contact, Examination};
 use primitives::Primitives;
 use search::{Moving, Search};
@@ -71,6 +74,7 @@ pub(in crate::solver) struct Surfaces {
     /// The place of each slot among the bodies.
     places: Vec<u32>,
     advance: Advance,
+    confinement: Confinement,
     /// The skins of the last search.
     skins: Vec<Skin>,
     is_active: bool,
@@ -134,9 +138,9 @@ impl Surfaces {
         let Substep { settings, integrator, duration, acceleration, skins, .. } = substep;
         let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return false };
         let rebound = rebound_of(settings, (integrator, duration));
-        let moving = Moving { start: &self.start, end: &particles.position, particles };
-        self.search.ensure(&self.primitives, moving, (skins, rebound.slop));
-        let Self { contacts, search, primitives, .. } = self;
+        self.ensure(particles, (skins, rebound.slop));
+        let Self { contacts, search, primitives, start, .. } = self;
+        let moving = Moving { start, end: &particles.position, particles };
         let (moved, on_mesh) = (&search.moved, &primitives.on_mesh[..]);
         let examination = Examination { moving, acceleration, rebound, rules, skins, moved, on_mesh };
         let is_solved = |slot: &u32| {
@@ -161,6 +165,26 @@ impl Surfaces {
         true
     }
 
+    /// Finds the pairs that may touch on the ways to the present positions: whether it has searched, and whether anything was
+    /// held back for it.
+    fn ensure(&mut self, particles: &mut Particles, known: (&[Skin], f32)) -> [bool; 2] {
+        let Self { search, primitives, start, confinement, .. } = self;
+        let is_new = search.ensure(primitives, Moving { start, end: &particles.position, particles }, known);
+        let mut is_held = false;
+        for with_common in ATTEMPTS {
+            if !(is_new && search.is_overfull) {
+                break;
+            }
+            confinement.find(primitives, (start, &particles.position, particles), with_common);
+            confinement.shorten(start, &mut particles.position);
+            confinement.slow(&mut particles.velocity);
+            search.reset();
+            search.ensure(primitives, Moving { start, end: &particles.position, particles }, known);
+            is_held = true;
+        }
+        [is_new, is_held]
+    }
+
     /// To be called before the first stop of a substep.
     pub fn begin_stops(&mut self) {
         self.advance.clear();
@@ -171,21 +195,21 @@ impl Surfaces {
         if !self.is_active {
             return false;
         }
-        let Self { advance, search, primitives, start, .. } = self;
-        let mut any = false;
+        let (mut any, mut is_held) = (false, false);
         for _ in 0..MAX_STOPS {
             // Where some stop and others go on they may meet what they would have gone along with.
-            let moving = Moving { start, end: &particles.position, particles };
-            let is_new = search.ensure(primitives, moving, (skins, 0.0));
+            let [is_new, is_held_now] = self.ensure(particles, (skins, 0.0));
+            is_held |= is_held_now;
             if any && !is_new {
                 return true;
             }
+            let Self { advance, search, primitives, start, .. } = self;
             if !advance.stop((search, &primitives.on_mesh), start, particles) {
-                return any;
+                return any || is_held;
             }
             any = true;
         }
-        advance.put_back(start, particles, &primitives.on_mesh);
+        self.advance.put_back(&self.start, particles, &self.primitives.on_mesh);
         true
     }
 

@@ -55,6 +55,8 @@ pub(super) struct Candidate {
 pub(super) struct Search {
     pub candidates: Vec<Candidate>,
     is_good: bool,
+    /// Whether there were too many pairs, so that none is known.
+    pub is_overfull: bool,
     /// Number of times that it has been good enough since.
     age: u32,
     max_age: u32,
@@ -330,7 +332,8 @@ impl Search {
                 }
             }
         }
-        if self.candidates.len() >= most {
+        self.is_overfull = self.candidates.len() >= most;
+        if self.is_overfull {
             self.candidates.clear();
         }
     }

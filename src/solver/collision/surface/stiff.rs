@@ -2,6 +2,7 @@
 
 use bevy::math::{DVec3, Vec3A};
 
+use super::confine::ATTEMPTS;
 use super::contact::{Examination, Meeting};
 use super::pair::Kind;
 use super::search::{Candidate, Moving};
@@ -56,14 +57,23 @@ impl Surfaces {
         found: &mut Vec<StiffContact>,
     ) {
         let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return };
-        let Self { search, primitives, end, .. } = self;
+        let Self { search, primitives, end, confinement, .. } = self;
         end.copy_from(&particles.position);
         for slot in (0..particles.len()).filter(|slot| particles.is_pinned(*slot)) {
             end.set(slot, start.get(slot) + h * particles.velocity.get(slot));
         }
-        let moving = Moving { start, end, particles };
         let rebound = rebound_of(settings, (Integrator::ImplicitEuler, h));
-        search.ensure(primitives, moving, (skins, 0.0));
+        let is_new = search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
+        for with_common in ATTEMPTS {
+            if !(is_new && search.is_overfull) {
+                break;
+            }
+            confinement.find(primitives, (start, end, particles), with_common);
+            confinement.shorten(start, end);
+            search.reset();
+            search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
+        }
+        let moving = Moving { start, end, particles };
         let examination = Examination {
             moving,
             acceleration: start,
