@@ -14,6 +14,7 @@ use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
+use stops::resolve_surfaces;
 
 /// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
@@ -112,8 +113,8 @@ pub(crate) fn step(
         };
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
         caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
-        let have_touched =
-            caches.surfaces.resolve(&mut state.particles, substep, caches.contacts.implicit(), records);
+        let parts = (&caches.contacts, &mut caches.surfaces);
+        let have_touched = resolve_surfaces(parts, &mut state.particles, substep, records);
         if caches.contacts.have_moved() {
             caches.scratch.disturb();
             if !state.pulls.is_empty() {

@@ -52,6 +52,7 @@ mod second_order;
 mod sleep;
 mod sleeping_entities;
 mod snapshots;
+mod squeezed;
 mod stage;
 mod stiff_contacts;
 mod strain_limit;

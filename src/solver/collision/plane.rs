@@ -8,6 +8,7 @@ use super::bodies::Body;
 use super::collider::Collider;
 use super::material::{Material, Skin, skin_of};
 use super::response::{Approach, Rebound, friction, tangential};
+use super::{ContactCaches, Substep};
 
 /// A position and an orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,6 +182,54 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
     let friction = friction(tangential(relative, surface.normal), contact.friction * change);
     body.velocity += surface.normal * change + friction;
     contact.impulse += change / body.inverse_mass;
+}
+
+impl ContactCaches {
+    /// Puts those of the particles of which `each` tells that contacts of surfaces have pressed into a half-space back onto it;
+    /// whether there were any.
+    pub fn put_onto_half_spaces(
+        &self,
+        each: impl Fn(&mut dyn FnMut(usize)),
+        particles: &mut Particles,
+        substep: Substep,
+    ) -> bool {
+        let Substep { colliders, settings, skins, elapsed, .. } = substep;
+        if !settings.collide_with_colliders {
+            return false;
+        }
+        let mut any = false;
+        for collider in self.placed.planes.iter().map(|number| &colliders[*number as usize]) {
+            let surface = collider.surface(elapsed, settings.time_step);
+            each(&mut |slot| {
+                let skin = skin_of(skins, slot);
+                if !collider.is_sensor && !particles.is_pinned(slot) && skin.layers.meet(collider.layers) {
+                    any |= put_onto(&surface, particles, skin, slot);
+                }
+            });
+        }
+        any
+    }
+}
+
+/// Puts a particle that others have pressed into a half-space back onto it, and has it approach no longer, with friction; whether it
+/// was in there by more than rounding.
+fn put_onto(surface: &Surface, particles: &mut Particles, skin: Skin, slot: usize) -> bool {
+    let position = Vec3A::from(particles.position.get(slot));
+    let radius = particles.radius()[slot];
+    let depth = surface.depth(position, radius);
+    // Neither of NaN.
+    if depth.is_nan() || depth <= 0.0 {
+        return false;
+    }
+    let [_, coefficient] = surface.material.between(skin.material);
+    let velocity = Vec3A::from(particles.velocity.get(slot));
+    let relative = velocity - surface.velocity_at(position);
+    let change = (-relative.dot(surface.normal)).max(0.0);
+    let rubbed = friction(tangential(relative, surface.normal), coefficient * change);
+    particles.position.set(slot, (position + surface.normal * depth).into());
+    particles.velocity.set(slot, (velocity + surface.normal * change + rubbed).into());
+    let size = position.abs().element_sum() + radius + surface.point.abs().element_sum();
+    depth > 4.0 * f32::EPSILON * size
 }
 
 /// Takes note whether the particle slips, at more than `tolerance` m/s, or is moved along.

@@ -31,6 +31,7 @@ mod linearised;
 mod newton;
 mod preconditioner;
 mod surfaces;
+mod surplus;
 mod system;
 mod tr_bdf2;
 mod wide;
@@ -285,7 +286,21 @@ impl Island {
             newton.solve_once(system, elimination);
             self.balance_rebound();
         }
+        if !self.is_left_alone(particles) {
+            self.finish(particles, acceleration, h, rebounds);
+            return;
+        }
+        let before = self.energy_before(step, particles);
+        let start = rebounds.then(|| self.start_velocities(particles));
         self.finish(particles, acceleration, h, rebounds);
+        let mut excess = self.excess(step, particles, before);
+        if let Some(start) = start.filter(|_| excess.is_some()) {
+            self.finish_without_rebound(particles, acceleration, (&start, h));
+            excess = self.excess(step, particles, before);
+        }
+        if let Some(allowed) = excess {
+            self.slow_down(allowed, particles, acceleration, h);
+        }
     }
 
     /// TR-BDF2; false, and nothing done, where the step is one for backward Euler.

@@ -70,9 +70,9 @@ pub(super) struct Stages {
 
 /// m and m/s
 #[derive(Debug, Clone, Copy, Default)]
-struct Motion {
-    position: DVec3,
-    velocity: DVec3,
+pub(super) struct Motion {
+    pub position: DVec3,
+    pub velocity: DVec3,
 }
 
 /// The length ‖s‖ of an element at the start, m, and its rate, m/s.
@@ -349,7 +349,7 @@ fn staged_element(elements: &Elements, number: u32, start: DVec3, length: f64, s
 }
 
 /// Kinetic energy, and that of elements, gravity, the push of the air and applied forces, J.
-fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Motion) -> [f64; 2] {
+pub(super) fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Motion) -> [f64; 2] {
     let Context { elimination, elements, field, .. } = context;
     let (mut kinetic, mut potential) = (0.0, 0.0);
     for (node, slot) in elimination.slots[..elimination.free].iter().enumerate() {

@@ -1,0 +1,118 @@
+//! A step of backward Euler that ends with more energy than it began with.
+//!
+//! Solved to the end a step dissipates: of a convex potential E' <= E. Broken off it may not, as where the contacts of a sheet
+//! on a curved collider are more than Newton's method finds, and a rebound from there, by one linear solution, gains many
+//! times what there was. Then the rebound is left out; and what is still too much is taken from the motion relative to the
+//! centre of mass, so that momentum stays.
+
+use bevy::math::{DVec3, Vec3};
+
+use super::contact::Partner;
+use super::tr_bdf2::{Motion, energy};
+use super::{Island, Step, write};
+use crate::solver::particles::{Particles, Vectors};
+
+/// How much energy a step may gain, as a part of the kinetic energy: what is left of an error of the solution.
+const MAX_GAIN: f64 = 1e-3;
+
+impl Island {
+    /// Whether nothing that moves by itself has done work on it: no pinned particle of it and nothing that holds it moves.
+    pub(super) fn is_left_alone(&self, particles: &Particles) -> bool {
+        let rests = |slot: usize| particles.velocity.get(slot) == Vec3::ZERO;
+        let pinned = &self.elimination.slots[self.elimination.free..];
+        let is_at_rest = |contact: &super::contact::Contact| match &contact.partner {
+            Partner::Obstacle(obstacle) => {
+                let point = contact.point(&self.system.start);
+                obstacle.motion_at(point) == DVec3::ZERO && obstacle.sliding() == DVec3::ZERO
+            }
+            Partner::Node { .. } => true,
+            Partner::Surface { .. } => contact.outer_part() == 0.0,
+        };
+        let mut held = self.system.contacts.contacts.iter().filter(|contact| contact.force > 0.0);
+        pinned.iter().all(|slot| rests(*slot as usize)) && held.all(is_at_rest)
+    }
+
+    /// The energy at the start of the step, and what it may end with; to be called before it is written back.
+    pub(super) fn energy_before(&self, step: Step, particles: &Particles) -> [f64; 2] {
+        let motion = |node: usize| {
+            let velocity = particles.velocity.get(self.elimination.slots[node] as usize).as_dvec3();
+            Motion { position: self.system.start[node], velocity }
+        };
+        self.energy(step, particles, motion)
+    }
+
+    fn energy(&self, step: Step, particles: &Particles, motion: impl Fn(usize) -> Motion) -> [f64; 2] {
+        let Self { elimination, system, .. } = self;
+        let [kinetic, potential] = energy(step.context(elimination), particles, &motion);
+        let of_gases = system.gases.energy(elimination, |node| motion(node).position);
+        [kinetic, potential + of_gases]
+    }
+
+    /// The velocities at the start of the step, m/s.
+    pub(super) fn start_velocities(&self, particles: &Particles) -> Vec<Vec3> {
+        self.slots().map(|slot| particles.velocity.get(slot)).collect()
+    }
+
+    /// Writes back the motion without its rebound; it began with the velocities `start`.
+    pub(super) fn finish_without_rebound(
+        &self,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        (start, h): (&[Vec3], f64),
+    ) {
+        for (node, (slot, start)) in self.slots().zip(start).enumerate() {
+            let position = self.system.position[node];
+            particles.velocity.set(slot, *start);
+            write(particles, acceleration, slot, [position, (position - self.system.start[node]) / h], h);
+        }
+    }
+
+    /// Whether the present motion has more energy than there was `before`; how much motion may have, J.
+    pub(super) fn excess(&self, step: Step, particles: &Particles, before: [f64; 2]) -> Option<f64> {
+        let motion = |node: usize| {
+            let slot = self.elimination.slots[node] as usize;
+            Motion { position: self.system.position[node], velocity: particles.velocity.get(slot).as_dvec3() }
+        };
+        let [kinetic, potential] = self.energy(step, particles, motion);
+        let [old_kinetic, old_potential] = before;
+        let allowed = old_kinetic + old_potential + MAX_GAIN * old_kinetic;
+        // Neither of NaN.
+        (kinetic + potential > allowed).then_some((allowed - potential).max(0.0))
+    }
+
+    /// Slows it down to a kinetic energy of `allowed` J, and not its centre of mass.
+    pub(super) fn slow_down(
+        &self,
+        allowed: f64,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        h: f64,
+    ) {
+        let slots = || self.slots();
+        let mass = |particles: &Particles, slot: usize| 1.0 / f64::from(particles.inverse_mass()[slot]);
+        let total: f64 = slots().map(|slot| mass(particles, slot)).sum();
+        let momentum: DVec3 =
+            slots().map(|slot| mass(particles, slot) * particles.velocity.get(slot).as_dvec3()).sum();
+        let centre = momentum / total;
+        let relative: f64 = slots()
+            .map(|slot| {
+                let velocity = particles.velocity.get(slot).as_dvec3() - centre;
+                0.5 * mass(particles, slot) * velocity.length_squared()
+            })
+            .sum();
+        let own = 0.5 * total * centre.length_squared();
+        let part = ((allowed - own) / relative).max(0.0).sqrt();
+        // What has the centre of mass too fast has been thrown by what it touches.
+        let centre = if own > allowed { centre * (allowed / own).sqrt() } else { centre };
+        if !part.is_finite() || !centre.is_finite() {
+            return;
+        }
+        for slot in slots() {
+            let old = particles.velocity.get(slot).as_dvec3();
+            let velocity = centre + part * (old - momentum / total);
+            particles.velocity.set(slot, velocity.as_vec3());
+            let change = (velocity - old) / h;
+            acceleration.set(slot, acceleration.get(slot) + change.as_vec3());
+        }
+    }
+}
