@@ -165,20 +165,25 @@ fn run_forces<const TENSION_ONLY: bool>(
     let lanes = |array: &'_ [f32], at: usize| -> [f32; LANES] {
         array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
     };
-    let count = run.count as usize;
+    let (count, lower, start) = (run.count as usize, run.lower as usize, run.start as usize);
+    let offset = (run.upper - run.lower) as usize;
+    // Slices of one length: an index is checked for all of them at once. (`array::map` is not always inlined.)
+    let length = offset + count;
+    let [x, y, z] = motion.position;
+    let position = [&x[lower..][..length], &y[lower..][..length], &z[lower..][..length]];
+    let [x, y, z] = motion.velocity;
+    let velocity = [&x[lower..][..length], &y[lower..][..length], &z[lower..][..length]];
+    let rest_lengths = &block.rest_length[start..start + count];
     for first in (0..chunk).step_by(LANES) {
         // The last vector of a run overlaps the one before it and computes some springs again.
         let at = (done + first).min(count - LANES);
-        let (lower, upper, place) =
-            (run.lower as usize + at, run.upper as usize + at, run.start as usize + at);
-        let ends =
-            |axes: [&[f32]; 3]| (axes.map(|axis| lanes(axis, lower)), axes.map(|axis| lanes(axis, upper)));
-        let (lower_position, upper_position) = ends(motion.position);
-        let (lower_velocity, upper_velocity) = ends(motion.velocity);
-        let rest_length = lanes(&block.rest_length, place);
+        let all = |[x, y, z]: [&[f32]; 3], at: usize| [lanes(x, at), lanes(y, at), lanes(z, at)];
+        let (lower_position, upper_position) = (all(position, at), all(position, at + offset));
+        let (lower_velocity, upper_velocity) = (all(velocity, at), all(velocity, at + offset));
+        let rest_length = lanes(rest_lengths, at);
         let [stiffness, damping] = match run.material {
             Some([stiffness, damping]) => [[stiffness; LANES], [damping; LANES]],
-            None => [lanes(&block.stiffness, place), lanes(&block.damping, place)],
+            None => [lanes(&block.stiffness, start + at), lanes(&block.damping, start + at)],
         };
         let mut pulls = [[0.0; LANES]; 3];
         for lane in 0..LANES {
