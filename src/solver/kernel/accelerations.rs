@@ -44,9 +44,10 @@ pub(super) fn block_accelerations(
     for (axis, force) in force.iter_mut().enumerate() {
         let applied_force = &motion.applied_force[axis][range.clone()];
         let velocity = &motion.velocity[axis][range.clone()];
-        let force = &mut force[..count];
         for part in in_vectors(block.slots.start, count) {
-            for index in part {
+            let (applied_force, velocity) = (&applied_force[part.clone()], &velocity[part.clone()]);
+            let force = &mut force[part];
+            for index in 0..force.len() {
                 // The drag of the medium: −ν v.
                 force[index] = applied_force[index] - field.viscosity * velocity[index];
             }
@@ -66,9 +67,9 @@ pub(super) fn block_accelerations(
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.
     let inverse_mass = &motion.inverse_mass[range.clone()];
     for (force, gravity) in force.iter_mut().zip(field.gravity.to_array()) {
-        let force = &mut force[..count];
         for part in in_vectors(block.slots.start, count) {
-            for index in part {
+            let (inverse_mass, force) = (&inverse_mass[part.clone()], &mut force[part]);
+            for index in 0..force.len() {
                 let free = force[index] * inverse_mass[index] + gravity;
                 force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
             }
