@@ -74,7 +74,7 @@ fn save(captured: On<ScreenshotCaptured>, capture: Res<Capture>, mut exit: Messa
     exit.write(match saved {
         Ok(()) => AppExit::Success,
         Err(error) => {
-            eprintln!("chain: cannot save {}: {error}", capture.file.display());
+            eprintln!("cannot save {}: {error}", capture.file.display());
             AppExit::error()
         }
     });

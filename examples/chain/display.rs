@@ -1,25 +1,21 @@
 //! The one-sentence errors for a missing display or graphics driver.
 
-/// Checks that there is a display to open a window on.
+/// Checks that there is a display to open a window on; why there is none otherwise.
 pub fn check() -> Result<(), String> {
     #[cfg(all(unix, not(target_os = "macos")))]
     {
         let named = |variable: &str| std::env::var(variable).ok().filter(|value| !value.is_empty());
         match named("DISPLAY") {
             None => {
-                return Err(without_window("there is no display to open a window on (DISPLAY is not set)"));
+                return Err("there is no display to open a window on (DISPLAY is not set)".to_owned());
             }
             Some(display) if !answers(&display) => {
-                return Err(without_window(&format!("no X server answers at DISPLAY={display}")));
+                return Err(format!("no X server answers at DISPLAY={display}"));
             }
             Some(_) => {}
         }
     }
     Ok(())
-}
-
-fn without_window(reason: &str) -> String {
-    format!("chain: {reason}; `--headless SECONDS` runs without a window")
 }
 
 /// Whether something listens at an X display such as `:0`, `unix:0.0` or `host:10.0`.
@@ -58,8 +54,9 @@ fn reaches(host: &str, number: u16) -> bool {
 }
 
 /// Turns the panics with which Bevy meets a missing window system or graphics driver into one
-/// sentence and exit code 1. Only their messages distinguish them; all other panics stay as they are.
-pub fn explain_missing_hardware() {
+/// sentence, which `explain` makes of the reason, and exit code 1. Only their messages distinguish them; all other panics
+/// stay as they are.
+pub fn explain_missing_hardware(explain: impl Fn(&str) -> String + Send + Sync + 'static) {
     const KNOWN: [(&str, &str); 3] = [
         ("Failed to build event loop", "the window system does not answer"),
         ("Unable to find a GPU", "there is no graphics driver (on Linux, a Vulkan driver) that Bevy can use"),
@@ -69,7 +66,7 @@ pub fn explain_missing_hardware() {
     std::panic::set_hook(Box::new(move |panic| {
         let message = panic.payload_as_str().unwrap_or_default();
         if let Some((_, reason)) = KNOWN.iter().find(|(known, _)| message.contains(known)) {
-            eprintln!("{}", without_window(reason));
+            eprintln!("{}", explain(reason));
             std::process::exit(1);
         }
         previous(panic);

@@ -35,13 +35,17 @@ fn main() -> ExitCode {
         return headless::run(&scene, seconds);
     }
     if let Err(reason) = display::check() {
-        return fail(&reason);
+        return fail(&without_window(&reason));
     }
-    display::explain_missing_hardware();
+    display::explain_missing_hardware(without_window);
     match run_window(arguments, scene) {
         AppExit::Success => ExitCode::SUCCESS,
         AppExit::Error(code) => ExitCode::from(code.get()),
     }
+}
+
+fn without_window(reason: &str) -> String {
+    format!("chain: {reason}; `--headless SECONDS` runs without a window")
 }
 
 fn fail(reason: &str) -> ExitCode {

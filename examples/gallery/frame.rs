@@ -44,11 +44,12 @@ pub fn run(name: &'static str, about: &'static str, exhibits: fn(&mut App)) -> E
         Ok(arguments) => arguments,
         Err(error) => error.exit(),
     };
+    let explain = move |reason: &str| format!("{}: {reason}", name.to_lowercase());
     if let Err(reason) = display::check() {
-        eprintln!("{reason}");
+        eprintln!("{}", explain(&reason));
         return ExitCode::FAILURE;
     }
-    display::explain_missing_hardware();
+    display::explain_missing_hardware(explain);
     match open(name, arguments, exhibits) {
         AppExit::Success => ExitCode::SUCCESS,
         AppExit::Error(code) => ExitCode::from(code.get()),

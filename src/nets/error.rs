@@ -1,5 +1,6 @@
 //! What is wrong with a recipe, or with the mesh that it was given.
 
+use super::InvalidTopology;
 use crate::parameter::InvalidParameter;
 
 /// What a recipe of a net refuses. Vertices and triangles are numbered as in the mesh that was given.
@@ -21,16 +22,9 @@ pub enum NetError {
         /// The greatest number that is accepted.
         most: u64,
     },
-    /// Numbers that are in their ranges, but together beyond those of f32.
-    #[error("{what} {number} comes out as {value}: sizes and material do not go together")]
-    OutOfScale {
-        /// Of what: the mass of a particle, the stiffness of a spring or bend.
-        what: &'static str,
-        /// The number of the particle, spring or bend.
-        number: usize,
-        /// What comes out.
-        value: f32,
-    },
+    /// Numbers that are in their ranges, but give masses, stiffnesses or lengths that are not.
+    #[error("sizes and material do not go together: {0}")]
+    OutOfScale(#[from] InvalidTopology),
     /// A shape without length, area or volume.
     #[error("{field} has no {lacks}")]
     Degenerate {

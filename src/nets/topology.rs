@@ -42,24 +42,10 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// The same, if all of its numbers are such that the solver can take them.
+    /// The same, if it is [valid](Self::validate).
     pub(super) fn checked(self) -> Result<Self, NetError> {
-        let masses = self.masses.iter().map(|mass| (*mass, *mass > 0.0));
-        let springs = self.springs.iter().map(|(_, spring)| (spring.stiffness.max(spring.damping), true));
-        let rods = self.rods.iter().map(|(_, rod)| (rod.stiffness.max(rod.damping), true));
-        let hinges = self.hinges.iter().map(|(_, hinge)| (hinge.stiffness.max(hinge.damping), true));
-        check("the mass of particle", masses)?;
-        check("the stiffness of spring", springs)?;
-        check("the stiffness of rod", rods)?;
-        check("the stiffness of hinge", hinges)?;
+        self.validate()?;
         Ok(self)
-    }
-}
-
-fn check(what: &'static str, values: impl Iterator<Item = (f32, bool)>) -> Result<(), NetError> {
-    match values.enumerate().find(|(_, (value, is_allowed))| !value.is_finite() || !is_allowed) {
-        Some((number, (value, _))) => Err(NetError::OutOfScale { what, number, value }),
-        None => Ok(()),
     }
 }
 

@@ -2,6 +2,9 @@
 //!
 //! As for particles, a frame shows the way from the last tick but one to the last: half a tick late on average, and
 //! smooth at any frame rate. It costs one copy of the positions a tick, and only of nets that moved.
+//!
+//! Free particles that were moved from outside are drawn where they were put. Pinned ones are moved so in every tick, and
+//! the solver takes them there in the course of it: they are drawn on that way, like what hangs from them.
 
 use bevy::ecs::change_detection::Tick;
 use bevy::prelude::*;
@@ -16,13 +19,15 @@ pub(crate) struct NetEasing {
     /// When the net had last been changed as `start` was copied, and as the last tick ended.
     copied: Option<Tick>,
     ended: Option<Tick>,
+    /// Whether a pinned particle moved in the last tick.
+    do_pins_move: bool,
 }
 
 impl NetEasing {
     /// Whether there is a way to show to a net that was last changed then: not of ticks that it was not changed in, and what
     /// was changed after the last tick was put there.
     fn shows(&self, changed: Tick) -> bool {
-        self.copied != Some(changed) && self.ended == Some(changed)
+        (self.do_pins_move || self.copied != Some(changed)) && self.ended == Some(changed)
     }
 }
 
@@ -122,9 +127,20 @@ mod ticks {
         }
     }
 
-    fn note_ends(mut nets: Query<(Ref<ParticleNet>, &mut NetEasing)>) {
+    fn note_ends(mut nets: Query<(Ref<ParticleNet>, &mut NetEasing)>, time: Res<Time>) {
         for (net, mut easing) in &mut nets {
-            easing.ended = Some(net.last_changed());
+            let NetEasing { start, ended, do_pins_move, .. } = &mut *easing;
+            *ended = Some(net.last_changed());
+            *do_pins_move = false;
+            for &pinned in net.pinned().iter().chain(&net.part_actions().held) {
+                let (position, velocity) =
+                    (net.positions()[pinned as usize], net.velocities()[pinned as usize]);
+                // As the starts were copied it was at its end already. Its velocity is that of its way.
+                if let Some(start) = start.get_mut(pinned as usize) {
+                    *start = position - velocity * time.delta_secs();
+                    *do_pins_move |= velocity != Vec3::ZERO;
+                }
+            }
         }
     }
 }

@@ -3,6 +3,7 @@
 use bevy::math::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::nets::Balloon;
 use crate::parameter::{self, InvalidParameter};
 
 /// One net. Its particles come after those of the scene's list and of the nets before it.
@@ -143,9 +144,6 @@ fn yes() -> bool {
 /// Number of particles of a scene's net from which on it is refused.
 const MAX_PARTICLES: u64 = 1 << 24;
 
-/// The largest number of subdivisions of a balloon: 163,842 particles.
-const MAX_SUBDIVISIONS: u32 = 7;
-
 fn refuse<T: std::fmt::Debug>(
     field: &'static str,
     value: T,
@@ -181,7 +179,9 @@ impl SceneNet {
             Self::Rope { segments, .. } => segments as usize + 1,
             Self::Cloth { cells: (x, y), .. } => lattice(&[x, y]),
             Self::Jelly { cells: (x, y, z), .. } => lattice(&[x, y, z]),
-            Self::Balloon { subdivisions, .. } => 10 * 4_usize.pow(subdivisions.min(MAX_SUBDIVISIONS)) + 2,
+            Self::Balloon { subdivisions, .. } => {
+                10 * 4_usize.pow(subdivisions.min(Balloon::MAX_SUBDIVISIONS)) + 2
+            }
         }
     }
 
@@ -250,8 +250,8 @@ impl SceneNet {
             Self::Balloon { centre, radius, subdivisions, .. } => {
                 parameter::finite("centre", centre)?;
                 parameter::positive("radius", radius)?;
-                if subdivisions > MAX_SUBDIVISIONS {
-                    return refuse("subdivisions", subdivisions, "a number from 0 to 7");
+                if subdivisions > Balloon::MAX_SUBDIVISIONS {
+                    return refuse("subdivisions", subdivisions, "a number from 0 to 8");
                 }
                 Ok(())
             }

@@ -35,9 +35,9 @@ fn eased_app() -> (App, Entity) {
     (app, cloth)
 }
 
-fn drawn(app: &App, cloth: Entity) -> f32 {
+fn drawn(app: &App, cloth: Entity) -> Vec3 {
     let place = app.world().get::<GlobalTransform>(cloth).unwrap();
-    place.transform_point(positions(mesh(app, cloth))[0]).x
+    place.transform_point(positions(mesh(app, cloth))[0])
 }
 
 #[test]
@@ -47,7 +47,7 @@ fn a_net_is_drawn_on_the_way() {
     let mut frames = 0;
     for _ in 0..20 {
         app.update();
-        let here: f32 = drawn(&app, cloth);
+        let here = drawn(&app, cloth).x;
         let fraction = app.world().resource::<Time<Fixed>>().overstep_fraction();
         let end = app.world().get::<ParticleNet>(cloth).unwrap().positions()[0].x;
         if end > 1.0 {
@@ -73,7 +73,43 @@ fn what_is_put_somewhere_is_not_drawn_on_the_way_there() {
     net.positions_mut().iter_mut().for_each(|place| *place += Vec3::X * 100.0);
     for _ in 0..8 {
         app.update();
-        assert!(drawn(&app, cloth) > 100.0, "{}", drawn(&app, cloth));
+        assert!(drawn(&app, cloth).x > 100.0, "{}", drawn(&app, cloth));
         assert_enclosed(&app, cloth);
     }
+}
+
+#[derive(Component)]
+struct Led;
+
+/// Cloths of which all particles are pinned, or the first: these are moved by 1 m a tick before the step.
+#[test]
+fn pinned_particles_are_drawn_on_the_way_too() {
+    let (mut app, _) = eased_app();
+    app.add_systems(FixedUpdate, |mut nets: Query<&mut ParticleNet, With<Led>>| {
+        for mut net in &mut nets {
+            for pinned in net.pinned().to_vec() {
+                net.positions_mut()[pinned as usize].y += 1.0;
+            }
+        }
+    });
+    let nets = [9, 1].map(|pinned| {
+        let net = net(sheet([2, 2])).with_pinned(0..pinned);
+        app.world_mut().spawn((net, Led, NetMesh, bevy::camera::visibility::NoFrustumCulling)).id()
+    });
+    let mut frames = 0;
+    for _ in 0..20 {
+        app.update();
+        let fraction = app.world().resource::<Time<Fixed>>().overstep_fraction();
+        for cloth in nets {
+            let (here, end) =
+                (drawn(&app, cloth).y, app.world().get::<ParticleNet>(cloth).unwrap().positions()[0].y);
+            // In the first tick it starts where it is put.
+            if end > 1.5 {
+                assert!((here - (end - 1.0 + fraction)).abs() < 1e-4, "{here} {end} {fraction}");
+                frames += 1;
+            }
+            assert_enclosed(&app, cloth);
+        }
+    }
+    assert!(frames > 20);
 }

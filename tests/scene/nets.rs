@@ -64,7 +64,11 @@ fn bad_nets_are_refused_with_place_index_and_field() {
         ("3e2,", "3e2, lift_coefficient: §-1,", "nets[1].lift_coefficient is -1.0, expected".into()),
         ("max: (1, 1, 1)", "max: §(1, 0, 1)", "nets[2].max is [1.0, 0.0, 1.0], expected coordinates".into()),
         ("density: 1e3", "density: §-1", format!("nets[2].density is -1.0, {positive}")),
-        ("subdivisions: 3", "subdivisions: §8", "nets[3].subdivisions is 8, expected a number from 0".into()),
+        (
+            "subdivisions: 3",
+            "subdivisions: §9",
+            "nets[3].subdivisions is 9, expected a number from 0 to 8".into(),
+        ),
         ("pressure: 100", "pressure: §0", format!("nets[3].pressure is 0.0, {positive}")),
     ];
     for (old, new, message) in cases {
@@ -185,7 +189,7 @@ fn indices_into_nets_are_checked() {
     let error = refusal(&TIED.replace("(particles: (2, 3, 0)", "(particles: (2, 3, 2)"));
     assert!(error.contains("expected the indices of three different particles"), "{error}");
     let error = refusal(&TIED.replace("linear_density: 1,", "linear_density: 3e38,"));
-    let message = "nets[0] cannot be laid out: the mass of particle 1 comes out as inf";
+    let message = "nets[0] cannot be laid out: sizes and material do not go together: masses[1]: mass is inf";
     assert!(error.contains(message), "{error}");
 }
 

@@ -9,7 +9,8 @@ use crate::parameter::{self, InvalidParameter};
 /// Stiffnesses are forces per width, as fabric is measured (KES-F: 1 gf/cm = 0.981 N/m, 1 gf/(cm·°) of shear = 56.2
 /// N/m, 1 gf·cm²/cm of bending = 9.81e-5 N·m). The constants of woven cloths are typical of the ranges in Kawabata,
 /// *The Standardization and Analysis of Hand Evaluation*, 2nd ed. 1980, as each says; those of films and sheets
-/// follow from modulus E, thickness t and Poisson's ratio 1/3: E t, 3/8 E t and E t³/12.
+/// follow from modulus E, thickness t and Poisson's ratio 1/3: E t, 3/8 E t and E t³/12. Retardation times are
+/// [estimates](super::RopeMaterial).
 #[derive(Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq)]
@@ -159,7 +160,7 @@ impl Default for BalloonMaterial {
 impl BalloonMaterial {
     /// A party balloon, blown up to a skin of 0.05 mm of natural rubber: density 930 kg/m³, Young's modulus 1.5 MPa
     /// (Ashby, *Materials Selection in Mechanical Design*, 4th ed., app. A). 15 Pa stretch one of 0.15 m of radius by
-    /// 0.5 %.
+    /// 1 %: p r / (3 K).
     pub const LATEX: Self = Self {
         area_density: 0.0465,
         stretch_stiffness: 75.0,
@@ -168,8 +169,8 @@ impl BalloonMaterial {
         retardation_time: 5e-3,
     };
 
-    /// An inflatable ball of soft PVC of 0.25 mm: density 1300 kg/m³, Young's modulus 10 MPa (plasticised; Ashby, app.
-    /// A).
+    /// An inflatable ball of soft PVC of 0.25 mm: density 1300 kg/m³, Young's modulus 10 MPa. Both go by the plasticiser:
+    /// makers of plasticised PVC state 1100 to 1450 kg/m³ and 1.5 to 15 MPa.
     pub const VINYL: Self = Self {
         area_density: 0.325,
         stretch_stiffness: 2.5e3,

@@ -4,7 +4,8 @@ use bevy::prelude::*;
 
 use crate::parameter::{self, InvalidParameter};
 
-/// What a jelly is made of. Poisson's ratio is 1/4, as springs have it.
+/// What a jelly is made of. Poisson's ratio is 1/4, as springs have it. Retardation times of the constants are
+/// [estimates](super::RopeMaterial).
 #[derive(Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq)]
@@ -29,8 +30,8 @@ impl Default for JellyMaterial {
 }
 
 impl JellyMaterial {
-    /// A firm gelatine dessert, one part of gelatine in 12 of water: Bonavia (arXiv 2512.20502, 2025) measured 4.3
-    /// kPa at 1 : 20 to 277 kPa at 1 : 2, in between by a power law.
+    /// A firm gelatine dessert, one part of gelatine in 12 of water: Bonavia (arXiv 2512.20502, 2025) measured
+    /// instantaneous stiffnesses of 4.3 kPa at 1 : 20 to 277 kPa at 1 : 2, in between by a power law: 11 kPa.
     pub const GELATINE: Self = Self { density: 1020.0, youngs_modulus: 1e4, retardation_time: 0.01 };
 
     /// Ballistic gelatine of 10 % at 4 °C: about 100 kPa (Cronin and Falzon, *Characterization of 10% ballistic
@@ -38,8 +39,8 @@ impl JellyMaterial {
     pub const BALLISTIC_GELATINE: Self =
         Self { density: 1030.0, youngs_modulus: 1e5, retardation_time: 3e-3 };
 
-    /// Soft silicone rubber, Shore 00-30: Young's modulus at full strain 69 kPa, density 1070 kg/m³ (Smooth-On,
-    /// Ecoflex 00-30, technical bulletin).
+    /// Soft silicone rubber, Shore 00-30: 69 kPa of stress at a strain of 100 %, taken as Young's modulus; density 1070
+    /// kg/m³ (Smooth-On, Ecoflex 00-30, technical bulletin).
     pub const SOFT_SILICONE: Self = Self { density: 1070.0, youngs_modulus: 6.9e4, retardation_time: 5e-3 };
 
     /// Soft natural rubber: 1.5 MPa, 930 kg/m³ (Ashby, *Materials Selection in Mechanical Design*, 4th ed., app. A).

@@ -44,9 +44,10 @@ pub(super) fn block_accelerations(
     for (axis, force) in force.iter_mut().enumerate() {
         let applied_force = &motion.applied_force[axis][range.clone()];
         let velocity = &motion.velocity[axis][range.clone()];
-        let force = &mut force[..count];
         for part in in_vectors(block.slots.start, count) {
-            for index in part {
+            let (applied_force, velocity) = (&applied_force[part.clone()], &velocity[part.clone()]);
+            let force = &mut force[part];
+            for index in 0..force.len() {
                 // The drag of the medium: −ν v.
                 force[index] = applied_force[index] - field.viscosity * velocity[index];
             }
@@ -66,9 +67,9 @@ pub(super) fn block_accelerations(
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.
     let inverse_mass = &motion.inverse_mass[range.clone()];
     for (force, gravity) in force.iter_mut().zip(field.gravity.to_array()) {
-        let force = &mut force[..count];
         for part in in_vectors(block.slots.start, count) {
-            for index in part {
+            let (inverse_mass, force) = (&inverse_mass[part.clone()], &mut force[part]);
+            for index in 0..force.len() {
                 let free = force[index] * inverse_mass[index] + gravity;
                 force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
             }
@@ -165,20 +166,25 @@ fn run_forces<const TENSION_ONLY: bool>(
     let lanes = |array: &'_ [f32], at: usize| -> [f32; LANES] {
         array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
     };
-    let count = run.count as usize;
+    let (count, lower, start) = (run.count as usize, run.lower as usize, run.start as usize);
+    let offset = (run.upper - run.lower) as usize;
+    // Slices of one length: an index is checked for all of them at once. (`array::map` is not always inlined.)
+    let length = offset + count;
+    let [x, y, z] = motion.position;
+    let position = [&x[lower..][..length], &y[lower..][..length], &z[lower..][..length]];
+    let [x, y, z] = motion.velocity;
+    let velocity = [&x[lower..][..length], &y[lower..][..length], &z[lower..][..length]];
+    let rest_lengths = &block.rest_length[start..start + count];
     for first in (0..chunk).step_by(LANES) {
         // The last vector of a run overlaps the one before it and computes some springs again.
         let at = (done + first).min(count - LANES);
-        let (lower, upper, place) =
-            (run.lower as usize + at, run.upper as usize + at, run.start as usize + at);
-        let ends =
-            |axes: [&[f32]; 3]| (axes.map(|axis| lanes(axis, lower)), axes.map(|axis| lanes(axis, upper)));
-        let (lower_position, upper_position) = ends(motion.position);
-        let (lower_velocity, upper_velocity) = ends(motion.velocity);
-        let rest_length = lanes(&block.rest_length, place);
+        let all = |[x, y, z]: [&[f32]; 3], at: usize| [lanes(x, at), lanes(y, at), lanes(z, at)];
+        let (lower_position, upper_position) = (all(position, at), all(position, at + offset));
+        let (lower_velocity, upper_velocity) = (all(velocity, at), all(velocity, at + offset));
+        let rest_length = lanes(rest_lengths, at);
         let [stiffness, damping] = match run.material {
             Some([stiffness, damping]) => [[stiffness; LANES], [damping; LANES]],
-            None => [lanes(&block.stiffness, place), lanes(&block.damping, place)],
+            None => [lanes(&block.stiffness, start + at), lanes(&block.damping, start + at)],
         };
         let mut pulls = [[0.0; LANES]; 3];
         for lane in 0..LANES {

@@ -21,7 +21,7 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let parts = blocks.blocks.iter().zip(written);
     parallel::for_each(parts, blocks.are_worth_sharing(), |(block, (acceleration, (position, velocity)))| {
         let accelerate = Accelerate { block, motion, field, acceleration };
-        kernel::run(Advance { accelerate, substep, moved: Moved { position, velocity } });
+        kernel::run(&mut Advance { accelerate, substep, moved: Moved { position, velocity } });
     });
     std::mem::swap(&mut particles.position, &mut scratch.position);
     std::mem::swap(&mut particles.velocity, &mut scratch.velocity);
