@@ -267,7 +267,7 @@ impl Solver {
         &mut self.outputs
     }
 
-    /// What a tick with these settings would run.
+    /// What a tick with these settings would run where no nets touch: those that do, or will, take the same scheme.
     pub fn plan(&mut self, settings: &StepSettings) -> Plan {
         self.state.elements.begin_ramps();
         self.caches.plan(&self.state, settings)

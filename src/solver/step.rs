@@ -1,5 +1,6 @@
 //! A tick: plan → substeps → outputs.
 
+mod plans;
 mod stops;
 
 use crate::solver::air::Air;
@@ -31,6 +32,8 @@ pub struct Inputs {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Caches {
     planner: Planner,
+    /// The pairs of islands that touch, if the plan depends on them: working memory.
+    touching: Vec<[usize; 2]>,
     neighbours: Neighbours,
     nets: Nets,
     blocks: Blocks,
@@ -64,11 +67,14 @@ pub(crate) fn step(
     let around = Around { motions, colliders, skins };
     caches.sleep.begin_tick(sleepers(state), around, settings);
     let plan = caches.plan(state, settings);
-    outputs.begin_tick(plan);
     if caches.sleep.is_all(&state.sleep) {
+        outputs.begin_tick(plan);
         caches.rest(state, inputs, outputs, settings);
         return;
     }
+    caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, (settings, skins));
+    let plan = caches.plan_touching(state, settings, skins, plan);
+    outputs.begin_tick(plan);
     caches.prepare(state, plan);
     for motion in &inputs.pinned {
         state.particles.position.set(motion.slot, motion.start);
@@ -79,7 +85,6 @@ pub(crate) fn step(
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
     caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
-    caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, (settings, &inputs.skins));
     caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {

@@ -1,10 +1,12 @@
 //! What is squeezed, and what is not solved to the end: nothing gets energy from it, nothing is pressed through the ground.
 
-use bevy::math::{Quat, UVec2, Vec2, Vec3};
+use bevy::math::{Quat, UVec2, UVec3, Vec2, Vec3};
 use bevy::prelude::{Cuboid, Plane3d};
 use bevy_mass_spring::nets::Spool;
 use bevy_mass_spring::prelude::{Cloth, ClothMaterial, Jelly, JellyMaterial, Rope, RopeMaterial};
-use bevy_mass_spring::solver::{Collider, Integrator, PairRules, Pose, Shape, Solver, StepSettings};
+use bevy_mass_spring::solver::{
+    Collider, Integrator, PairRules, Pose, Shape, Solver, StepSettings, SubstepMode,
+};
 
 use crate::common::bodies::{GRAVITY, add_net, falling, velocities};
 
@@ -161,4 +163,40 @@ fn a_cloth_that_folds_over_a_ball_gains_no_energy() {
             }
         }
     }
+}
+
+/// A jelly that damps strongly, which `Auto` leaves to TR-BDF2, falls onto a cloth that velocity Verlet would advance at less cost: as
+/// soon as they will touch one scheme advances both, and nothing gains energy.
+#[test]
+fn nets_that_touch_take_one_scheme() {
+    let mut state = Solver::default();
+    state.add_collider(Collider::half_space(Vec3::Y * -0.02, Vec3::Y, 0.0, 0.3));
+    let material = ClothMaterial {
+        area_density: 0.87 / 0.01,
+        stretch_stiffness: 4.4e4,
+        shear_stiffness: 1.3e4,
+        bending_stiffness: 0.0,
+        retardation_time: 0.0,
+    };
+    let cloth = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(0.4))).with_cells(UVec2::splat(8));
+    let cloth = cloth.with_radius(0.02).with_material(material).topology().unwrap();
+    add_net(&mut state, &cloth, Vec3::ZERO, &[]);
+    let material = JellyMaterial { density: 1.3 / 1e-3, youngs_modulus: 3e5, retardation_time: 0.5 };
+    let jelly = Jelly::from(Cuboid::from_length(0.4)).with_cells(UVec3::splat(4)).with_radius(0.02);
+    let jelly = jelly.with_material(material).topology().unwrap();
+    add_net(&mut state, &jelly, Vec3::new(0.05, 0.48, 0.02), &[]);
+    let pair_rules = Some(PairRules { restitution: 0.0, friction: 0.3 });
+    let settings = StepSettings { substeps: SubstepMode::Auto, pair_rules, ..falling(Integrator::Auto, 1) };
+    let fall = f64::from(jelly.masses.iter().sum::<f32>() * GRAVITY * 0.24);
+    let before = state.measure(settings.gravity).total_energy();
+    let mut schemes = Vec::new();
+    for tick in 0..90 {
+        state.step(&settings);
+        let now = state.measure(settings.gravity);
+        assert!(now.total_energy() < before + 0.01 * fall, "tick {tick}: {now:?}, before {before}");
+        schemes.push(state.outputs().plan.stiff_substeps);
+    }
+    // In flight each has its own; from the first tick on that begins with a contact it is one.
+    assert!(schemes[0] > 0, "{schemes:?}");
+    assert!(schemes[30..].iter().all(|steps| *steps == 0), "{schemes:?}");
 }

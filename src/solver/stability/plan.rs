@@ -104,7 +104,7 @@ impl Planner {
                     return bounds.cheapest_explicit(time_step, minimum).into();
                 }
                 self.refresh_island_bounds(elements, particles, viscosity);
-                self.plan_islands(elements, time_step, minimum)
+                self.plan_islands(elements, time_step, minimum, &[])
             }
             (named, SubstepMode::Fixed(_)) => (named, minimum).into(),
             (named, SubstepMode::Auto) => {
@@ -112,6 +112,23 @@ impl Planner {
                 (named, bounds.auto_substeps(named, time_step)).into()
             }
         }
+    }
+
+    /// The same, by [`Integrator::Auto`], where islands that touch take the same scheme.
+    pub fn plan_joined(
+        &mut self,
+        elements: &Elements,
+        settings: &StepSettings,
+        touching: &[[usize; 2]],
+    ) -> Plan {
+        self.plan_islands(elements, settings.time_step, settings.substeps.minimum(), touching)
+    }
+
+    /// Appends the pairs of islands of particles that touch, if they are of several ones.
+    pub fn note_islands(&self, slots: [u32; 4], touching: &mut Vec<[usize; 2]>) {
+        let mut islands = slots.iter().filter_map(|slot| self.islands.of(*slot as usize));
+        let Some(first) = islands.next() else { return };
+        touching.extend(islands.filter(|other| *other != first).map(|other| [first, other]));
     }
 
     /// Bounds on the whole net in a medium of `viscosity` N·s/m.
@@ -176,8 +193,15 @@ impl Planner {
     /// least.
     ///
     /// The substeps of velocity Verlet are those of the fastest island that takes part. So the islands are sorted by
-    /// the substeps that they need, and those up to some number take part: of all numbers the one of the least cost.
-    fn plan_islands(&mut self, elements: &Elements, time_step: f32, minimum: u32) -> Plan {
+    /// the substeps that they need, and those up to some number take part: of all numbers the one of the least cost. Those that
+    /// are `touching` need what the fastest of them needs.
+    fn plan_islands(
+        &mut self,
+        elements: &Elements,
+        time_step: f32,
+        minimum: u32,
+        touching: &[[usize; 2]],
+    ) -> Plan {
         let steps = SECOND_ORDER_SUBSTEPS.max(minimum);
         let (bounds, others) = &self.island_bounds;
         let islands = || bounds.iter().zip(self.islands.all());
@@ -197,6 +221,8 @@ impl Planner {
             elements: island.elements,
             implicit: cost::implicit(steps, island.elements, bounds.has_loops),
         }));
+        // Until all that touch, through others, too, agree.
+        while touching.iter().fold(false, |any, pair| agree(&mut self.needs, *pair) | any) {}
         self.sorted.clear();
         self.sorted.extend(0..self.needs.len() as u32);
         let needs = &self.needs;
@@ -226,6 +252,17 @@ impl Planner {
         let substeps = most_substeps.next_multiple_of(steps);
         Plan { integrator: Integrator::VelocityVerlet, substeps, stiff_substeps: steps, stiff_springs }
     }
+}
+
+/// Gives two islands the needs of the faster one; whether they were others.
+fn agree(needs: &mut [Need], [one, other]: [usize; 2]) -> bool {
+    let [first, second] = [needs[one], needs[other]];
+    let substeps = first.substeps.max(second.substeps);
+    let is_too_fast = first.is_too_fast || second.is_too_fast;
+    for island in [one, other] {
+        (needs[island].substeps, needs[island].is_too_fast) = (substeps, is_too_fast);
+    }
+    [first, second].iter().any(|need| (need.substeps, need.is_too_fast) != (substeps, is_too_fast))
 }
 
 #[cfg(test)]

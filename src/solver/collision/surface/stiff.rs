@@ -1,10 +1,10 @@
 //! Which surfaces run into each other in an implicit step: contacts that become a part of it.
 
-use bevy::math::{DVec3, Vec3A};
+use bevy::math::{DVec3, Vec3, Vec3A};
 
 use super::confine::ATTEMPTS;
 use super::contact::{Examination, Meeting};
-use super::pair::Kind;
+use super::pair::{CLOSE_PART, Kind};
 use super::search::{Candidate, Moving};
 use super::{Surfaces, rebound_of};
 use crate::solver::particles::{Particles, Vectors};
@@ -102,6 +102,39 @@ impl Surfaces {
             }
         }
         found.sort_unstable_by_key(StiffContact::key);
+    }
+
+    /// Calls `visit` with the corners of each pair that touches when a tick begins, or would in it in free flight.
+    pub fn find_touching(
+        &mut self,
+        particles: &Particles,
+        (settings, skins): (&StepSettings, &[Skin]),
+        mut visit: impl FnMut([u32; 4]),
+    ) {
+        if !self.is_active {
+            return;
+        }
+        let Self { search, primitives, start, end, .. } = self;
+        let StepSettings { time_step, gravity, .. } = *settings;
+        start.copy_from(&particles.position);
+        end.copy_from(&particles.position);
+        for slot in 0..particles.len() {
+            let falls = if particles.is_pinned(slot) { Vec3::ZERO } else { time_step * gravity };
+            end.set(slot, start.get(slot) + time_step * (particles.velocity.get(slot) + falls));
+        }
+        let moving = Moving { start, end, particles };
+        search.ensure(primitives, moving, (skins, 0.0));
+        for candidate in search.close() {
+            let most = candidate.largest_reach();
+            if candidate.least_distance(&search.moved) > most {
+                continue;
+            }
+            let ways = candidate.ways(moving);
+            let distance = ways.closest(0.0).apart.length();
+            if distance <= most || ways.first_near(distance, most / (1.0 + CLOSE_PART)) < 1.0 {
+                visit(candidate.slots);
+            }
+        }
     }
 }
 
