@@ -54,7 +54,7 @@ pub fn fraction(field: &'static str, value: f32) -> Result<(), InvalidParameter>
     require((0.0..=1.0).contains(&value), field, value, "a number from 0 to 1")
 }
 
-/// Accepts vectors whose three components are finite.
+/// Accepts vectors of three finite components.
 ///
 /// # Errors
 /// [`InvalidParameter`] naming `field` otherwise.

@@ -72,7 +72,7 @@ impl ParticleQueries<'_, '_> {
         self.cast_sphere(0.0, ray, max_distance, layers)
     }
 
-    /// The first thing that a ball of `radius` m touches whose centre moves along a ray, by at most `max_distance` m.
+    /// The first thing that a ball of `radius` m touches while its centre moves along a ray, by at most `max_distance` m.
     pub fn cast_sphere(
         &mut self,
         radius: f32,

@@ -221,7 +221,7 @@ fn draw_contents(
     });
 }
 
-/// Draws with a system; one whose resources are missing draws nothing.
+/// Runs a system that draws; nothing is drawn where one of its resources is missing.
 fn draw_part<M>(
     ui: &mut egui::Ui,
     world: &mut World,

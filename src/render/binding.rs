@@ -263,7 +263,7 @@ fn match_triangles(
     wanted.iter().enumerate().map(find).collect()
 }
 
-/// Indices of triangles among so many vertices.
+/// The index buffer of triangles: of 16 bits where the number of `vertices` allows it.
 pub(super) fn indices(triangles: &[[u32; 3]], vertices: usize) -> Indices {
     let corners = triangles.iter().flatten();
     if vertices <= usize::from(u16::MAX) {

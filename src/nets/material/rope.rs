@@ -8,8 +8,8 @@ use crate::parameter::{self, InvalidParameter};
 ///
 /// The constants are those of ropes of [`REFERENCE_DIAMETER`](Self::REFERENCE_DIAMETER);
 /// [`of_diameter`](Self::of_diameter) makes others of them. Two of their numbers are in no data sheet. The bending stiffness
-/// of fibre ropes, whose yarns slide, lies between that of the yarns and that of a solid rod, EA d² / 16:
-/// the constants have 1/144 (hemp) to 1/3500 (polyethylene) of the latter. Retardation times are estimates: τ damps what oscillates at a
+/// of a fibre rope, in which yarns slide, lies between that of the yarns and that of a solid rod, EA d² / 16: the constants
+/// have 1/144 (hemp) to 1/3500 (polyethylene) of the latter. Retardation times are estimates: τ damps an oscillation of the
 /// frequency f with the loss factor 2π f τ, in rubber (5 ms) 0.03 at 1 Hz and 0.3 at 10 Hz.
 #[derive(Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]

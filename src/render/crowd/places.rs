@@ -15,7 +15,7 @@ impl Places {
         self.end
     }
 
-    /// A part of so many entries: where it begins.
+    /// Takes `count` consecutive entries, and returns the first of them.
     pub fn take(&mut self, count: u32) -> u32 {
         let Some(gap) = self.free.iter().position(|(_, length)| *length >= count) else {
             self.end += count;

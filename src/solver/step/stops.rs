@@ -1,4 +1,4 @@
-//! The end of a substep: nothing has passed through anything.
+//! The end of a substep: contacts of surfaces are solved, and nothing has passed through anything.
 
 use super::{Caches, Inputs};
 use crate::solver::collision::{ContactCaches, ContactRecord, Substep, Surfaces};

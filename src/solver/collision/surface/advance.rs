@@ -13,7 +13,7 @@ use bevy::math::Vec3A;
 
 use super::closest::Closest;
 use super::contact::COINCIDENT;
-use super::follow::Field;
+use super::follow::DisplacementField;
 use super::pair::{CLOSE_PART, LEAST_PART, Ways};
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
@@ -62,7 +62,8 @@ pub(super) struct Advance {
     stopped: Vec<u32>,
     /// By slot: whether it is pushed by what is pinned, if through others.
     is_pushed: Vec<bool>,
-    field: Field,
+    /// What goes along with pinned particles where nothing else ends.
+    field: DisplacementField,
 }
 
 impl Advance {

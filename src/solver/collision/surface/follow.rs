@@ -12,16 +12,16 @@ use crate::solver::particles::{Particles, Vectors};
 /// Within how many of the longest ways and the greatest radii, together, the field has faded to a half.
 const REACH: f32 = 16.0;
 
-/// The field of the ways of all pinned particles that collide.
+/// The displacement field that follows the ways of all pinned particles that collide.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Field {
+pub(super) struct DisplacementField {
     /// Where they are at the start, and how far they go; m.
     sources: Vec<[Vec3A; 2]>,
     /// The weight of staying where one is, 1/m⁴.
     rest: f32,
 }
 
-impl Field {
+impl DisplacementField {
     /// Measures it, on the ways from `start` to the present positions.
     pub fn measure(&mut self, start: &Vectors, particles: &Particles, on_mesh: &[bool]) {
         let Self { sources, rest } = self;
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn what_is_beside_a_pinned_particle_goes_with_it_and_what_is_far_away_stays() {
-        let field = Field {
+        let field = DisplacementField {
             sources: vec![[Vec3A::ZERO, Vec3A::X], [Vec3A::Y * 100.0, Vec3A::Z]],
             rest: 8.0_f32.powi(-4),
         };
@@ -66,6 +66,6 @@ mod tests {
         assert!(field.at(Vec3A::X * 8.0).distance(0.5 * Vec3A::X) < 1e-3);
         assert!(field.at(Vec3A::X * 1000.0).length() < 1e-6);
         assert_eq!(field.at(Vec3A::Y * 100.0), Vec3A::Z);
-        assert_eq!(Field::default().at(Vec3A::ZERO), Vec3A::ZERO);
+        assert_eq!(DisplacementField::default().at(Vec3A::ZERO), Vec3A::ZERO);
     }
 }

@@ -167,9 +167,9 @@ impl Surfaces {
 
     /// Finds the pairs that may touch on the ways to the present positions: whether it has searched, and whether anything was
     /// held back for it.
-    fn ensure(&mut self, particles: &mut Particles, known: (&[Skin], f32)) -> [bool; 2] {
+    fn ensure(&mut self, particles: &mut Particles, wanted: (&[Skin], f32)) -> [bool; 2] {
         let Self { search, primitives, start, confinement, .. } = self;
-        let is_new = search.ensure(primitives, Moving { start, end: &particles.position, particles }, known);
+        let is_new = search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
         let mut is_held = false;
         for with_common in ATTEMPTS {
             if !(is_new && search.is_overfull) {
@@ -179,7 +179,7 @@ impl Surfaces {
             confinement.shorten(start, &mut particles.position);
             confinement.slow(&mut particles.velocity);
             search.reset();
-            search.ensure(primitives, Moving { start, end: &particles.position, particles }, known);
+            search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
             is_held = true;
         }
         [is_new, is_held]

@@ -1,4 +1,5 @@
-//! Which surfaces run into each other in an implicit step: contacts that become a part of it.
+//! Which surfaces run into each other in an implicit step: contacts that become a part of it; and which will touch in a tick, by which
+//! schemes are chosen.
 
 use bevy::math::{DVec3, Vec3, Vec3A};
 
@@ -117,7 +118,8 @@ impl Surfaces {
         let Self { search, primitives, start, end, .. } = self;
         let StepSettings { time_step, gravity, .. } = *settings;
         start.copy_from(&particles.position);
-        end.copy_from(&particles.position);
+        // All of it is overwritten.
+        end.copy_from(start);
         for slot in 0..particles.len() {
             let falls = if particles.is_pinned(slot) { Vec3::ZERO } else { time_step * gravity };
             end.set(slot, start.get(slot) + time_step * (particles.velocity.get(slot) + falls));
