@@ -67,13 +67,15 @@ fn what_no_view_sees_is_not_written_until_it_is_seen() {
     assert_eq!(changes(&mut app), 0);
 }
 
-/// As many allocations as in an app without nets: those of Bevy.
+/// As many allocations as in an app without nets: those of Bevy. Its executor runs some of its own work on this thread
+/// in one frame and on others in the next, so that the counts of two apps differ by a few: fewer than one a net.
 #[test]
 fn frames_allocate_nothing() {
-    let allocations = |populated: bool| {
+    const NETS_OF_A_KIND: usize = 10;
+    let allocations = |count: usize| {
         let mut app = app();
         let mut nets = Vec::new();
-        if populated {
+        for _ in 0..count {
             nets.push(app.world_mut().spawn((net(sheet([20, 20])), NetMesh)).id());
             nets.push(app.world_mut().spawn((net(rope(30)), RopeMesh::default())).id());
             nets.push(app.world_mut().spawn((net(rope(30)), RopeRibbon::default())).id());
@@ -97,9 +99,10 @@ fn frames_allocate_nothing() {
                 allocated.count_total
             })
             .min()
+            .unwrap()
     };
-    let (with, without) = (allocations(true), allocations(false));
-    assert!(with <= without, "{with:?} {without:?}");
+    let (with, without) = (allocations(NETS_OF_A_KIND), allocations(0));
+    assert!(with < without + NETS_OF_A_KIND as u64, "{with} {without}");
 }
 
 /// No mesh is added after the first, and none keeps an old one alive.
