@@ -58,7 +58,6 @@ impl BroadPhase {
     pub fn start(&mut self, particles: &Particles, up: Vec3) {
         self.origins.copy_from(&particles.position);
         self.up = up;
-        self.chains.clear();
     }
 
     /// Chooses the skins by the present velocities; `wide` and `crowded` as in [`super::ContactMemory`],
@@ -104,11 +103,7 @@ impl BroadPhase {
         durations: Durations,
     ) {
         let Self { skins, chains, chain_origins, .. } = self;
-        search.find(particles, exclusions, skins, durations, chains);
-        match exclusions.any_sprung() {
-            true => chain_origins.copy_from(&particles.position),
-            false => chain_origins.resize(0),
-        }
+        search.find(particles, exclusions, skins, durations, (chains, chain_origins));
         self.remove_chain_skins();
         self.any_skins = (0..particles.len()).any(|slot| self.has_skin(slot));
     }
@@ -136,16 +131,15 @@ impl BroadPhase {
         }
         let common = self.common_way(particles);
         let Self { chains, chain_origins: origins, .. } = self;
-        for chain in chains {
-            let [outside, mut bent] = chain.proofs(&particles.position, origins, common);
-            if bent == Proof::Expires && chain.renew_play(particles, exclusions, substep) {
-                for (origins, here) in origins.axes_mut().into_iter().zip(particles.position.axes()) {
-                    origins[chain.slots()].copy_from_slice(&here[chain.slots()]);
-                }
-                bent = Proof::Holds;
-            }
-            worst = worst.max(outside).max(bent);
-        }
+        pulp::Arch::new().dispatch(CheckChains {
+            chains,
+            origins,
+            particles,
+            exclusions,
+            common,
+            substep,
+            worst: &mut worst,
+        });
         worst
     }
 
@@ -163,6 +157,36 @@ impl BroadPhase {
             let moved = [x - from_x - common[0], y - from_y - common[1], z - from_z - common[2]];
             Vec3::from_array(moved).length_squared() > skin * skin
         })
+    }
+}
+
+/// Checks the proofs of all free chains.
+struct CheckChains<'a> {
+    chains: &'a mut [Chain],
+    origins: &'a mut Vectors,
+    particles: &'a Particles,
+    exclusions: &'a Exclusions,
+    /// What all have moved by, m.
+    common: Vec3,
+    /// s.
+    substep: f32,
+    worst: &'a mut Proof,
+}
+
+impl pulp::WithSimd for CheckChains<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { chains, origins, particles, exclusions, common, substep, worst } = self;
+        for chain in chains {
+            let [outside, mut bent] = chain.proofs(&particles.position, origins, common);
+            if bent == Proof::Expires && chain.renew_play(particles, exclusions, substep) {
+                chain.note_origins(&particles.position, origins);
+                bent = Proof::Holds;
+            }
+            *worst = (*worst).max(outside).max(bent);
+        }
     }
 }
 

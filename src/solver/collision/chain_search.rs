@@ -10,7 +10,7 @@ use bevy::math::Vec3;
 use super::broad_phase::mean;
 use super::chains::{Chain, Durations, MAX_LENGTH, MIN_LENGTH};
 use crate::solver::graph::Exclusions;
-use crate::solver::particles::Particles;
+use crate::solver::particles::{Particles, Vectors};
 
 /// Number of ticks for which boxes are to be large enough: the first ones, and those of chains that are not free with
 /// them.
@@ -55,18 +55,24 @@ pub(super) struct ChainSearch {
 }
 
 impl ChainSearch {
-    /// Lists the free chains; others are as large as their `skins`, m.
+    /// Lists the free chains, and notes where their particles are; others are as large as their `skins`, m. What was
+    /// free in the last search keeps its origins, m, while it has enough of its play left.
     pub fn find(
         &mut self,
         particles: &Particles,
         exclusions: &Exclusions,
         skins: &[f32],
         durations: Durations,
-        free: &mut Vec<Chain>,
+        (free, origins): (&mut Vec<Chain>, &mut Vectors),
     ) {
-        free.clear();
         if !exclusions.any_sprung() {
+            free.clear();
+            origins.resize(0);
             return;
+        }
+        if origins.len() != particles.len() {
+            free.clear();
+            origins.copy_from(&particles.position);
         }
         // All at once, so that nothing is allocated when more chains become free.
         let most = particles.len() / MIN_LENGTH;
@@ -77,7 +83,8 @@ impl ChainSearch {
         self.bounds.reserve(particles.len() + 1);
         self.keys.clear();
         self.keys.reserve(particles.len() + 1);
-        self.list_chains(particles, exclusions, durations.substep);
+        self.list_chains(particles, exclusions, durations.substep, (free, origins));
+        free.clear();
         if self.chains.is_empty() {
             return;
         }
@@ -98,18 +105,32 @@ impl ChainSearch {
         free.extend(self.chains.iter().filter(|(_, is_free)| *is_free).map(|(chain, _)| *chain));
     }
 
-    /// Lists the chains that do not touch themselves.
-    fn list_chains(&mut self, particles: &Particles, exclusions: &Exclusions, substep: f32) {
-        let mut start = 0;
+    /// Lists the chains that do not touch themselves. The `last` ones were free.
+    fn list_chains(
+        &mut self,
+        particles: &Particles,
+        exclusions: &Exclusions,
+        substep: f32,
+        (last, origins): (&[Chain], &mut Vectors),
+    ) {
+        let (mut start, mut last) = (0, last.iter().peekable());
         let ends = exclusions.continues().iter().skip(1).map(|continues| !continues).chain([true]);
         for (end, _) in (1..).zip(ends).filter(|(_, is_end)| *is_end) {
             let slots = std::mem::replace(&mut start, end)..end;
             let is_sphere = |slot: usize| particles.radius()[slot] > 0.0;
-            if (MIN_LENGTH..=MAX_LENGTH).contains(&slots.len()) && slots.clone().any(is_sphere) {
-                let mut chain = Chain::new(slots);
-                if chain.renew_play(particles, exclusions, substep) {
-                    self.chains.push((chain, false));
-                }
+            if !(MIN_LENGTH..=MAX_LENGTH).contains(&slots.len()) || !slots.clone().any(is_sphere) {
+                continue;
+            }
+            while last.next_if(|last| last.slots().start < slots.start).is_some() {}
+            let known = last.next_if(|last| last.slots() == slots);
+            if let Some(chain) = known.filter(|chain| chain.has_play_left(&particles.position, origins)) {
+                self.chains.push((*chain, false));
+                continue;
+            }
+            let mut chain = Chain::new(slots);
+            if chain.renew_play(particles, exclusions, substep) {
+                chain.note_origins(&particles.position, origins);
+                self.chains.push((chain, false));
             }
         }
     }
@@ -209,7 +230,7 @@ mod tests {
         let origins = particles.position.clone();
         let (mut search, mut free, skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
         let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-        search.find(&particles, &exclusions, &skins, durations, &mut free);
+        search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut Vectors::default()));
         assert_eq!((free.len(), free[0].slots()), (1, 0..20));
         let proofs = |particles: &Particles| free[0].proofs(&particles.position, &origins, Vec3::ZERO);
         assert_eq!(proofs(&particles), [Proof::Holds; 2]);
@@ -239,7 +260,8 @@ mod tests {
             exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
             let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-            ChainSearch::default().find(&particles, &exclusions, &skins, durations, &mut free);
+            let found = (&mut free, &mut Vectors::default());
+            ChainSearch::default().find(&particles, &exclusions, &skins, durations, found);
             assert_eq!(free.len() == 1, is_free, "{height}");
         }
     }

@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use bevy::math::{Vec3, Vec4};
+use bevy::math::Vec3;
 
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
@@ -27,14 +27,16 @@ pub(super) const MAX_LENGTH: usize = 128;
 const CHANGE_ALONG: f32 = 0.5;
 const CHANGE_ACROSS: f32 = 0.05;
 
-/// The part of its play that a chain uses before it is looked at anew: the rest is for one substep.
+/// The part of its play that a chain uses before it is looked at anew: the rest is for one substep. A search looks at it
+/// anew from a smaller part on, so that fewer of its proofs end before the next one.
 const USED_PLAY: f32 = 0.75;
+const KEPT_PLAY: f32 = 0.4;
 
 /// Number of substeps for which the play of a free chain is to last at the present velocities.
 const PLAY_SUBSTEPS: f32 = 2.0;
 
-/// Pairs of particles are tested four at a time.
-const LANES: usize = 4;
+/// Pairs of particles are tested together: a vector of AVX2.
+const LANES: usize = 8;
 
 /// A free chain.
 #[derive(Debug, Clone, Copy, Default)]
@@ -80,7 +82,20 @@ impl Chain {
         [self.least - self.margin, self.most + self.margin]
     }
 
+    /// Whether so little of its play is used that it may keep it.
+    pub fn has_play_left(&self, positions: &Vectors, origins: &Vectors) -> bool {
+        self.is_within_play(positions, origins, KEPT_PLAY * self.play)
+    }
+
+    /// Makes the positions of its particles those from which its play counts.
+    pub fn note_origins(&self, positions: &Vectors, origins: &mut Vectors) {
+        for (origins, here) in origins.axes_mut().into_iter().zip(positions.axes()) {
+            origins[self.slots()].copy_from_slice(&here[self.slots()]);
+        }
+    }
+
     /// Whether all centres less `common` are in the box grown by `margin`.
+    #[inline(always)]
     fn is_inside(&self, positions: &Vectors, common: Vec3, margin: Vec3) -> bool {
         let (least, most) = (self.least + common - margin, self.most + common + margin);
         (0..3).all(|axis| {
@@ -91,6 +106,7 @@ impl Chain {
     }
 
     /// Whether the relative motion of neighbours is within `play`.
+    #[inline(always)]
     fn is_within_play(&self, positions: &Vectors, origins: &Vectors, play: f32) -> bool {
         let slots = self.slots();
         let [x, y, z] = positions.axes();
@@ -108,6 +124,7 @@ impl Chain {
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
+    #[inline(always)]
     pub fn proofs(&self, positions: &Vectors, origins: &Vectors, common: Vec3) -> [Proof; 2] {
         let is_inside = |margin: Vec3| self.is_inside(positions, common, margin);
         let is_within = |play: f32| self.is_within_play(positions, origins, play);
@@ -124,6 +141,7 @@ impl Chain {
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
     /// `substep` s.
+    #[inline(always)]
     pub fn renew_play(&mut self, particles: &Particles, exclusions: &Exclusions, substep: f32) -> bool {
         let slots = self.slots();
         let velocity = |slot: usize| particles.velocity.get(slot);
@@ -160,6 +178,7 @@ impl Chain {
 }
 
 /// The least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide.
+#[inline(always)]
 fn play(particles: &Particles, exclusions: &Exclusions, slots: Range<usize>) -> f32 {
     let (start, count) = (slots.start, slots.len());
     // Padded with what is far away.
@@ -172,22 +191,25 @@ fn play(particles: &Particles, exclusions: &Exclusions, slots: Range<usize>) -> 
     let [x, y, z, radius] = &buffer;
     let mut play = f32::MAX.sqrt() * 1e-3;
     for one in 0..count {
-        let centre = [x[one], y[one], z[one]].map(Vec4::splat);
         for first in (one + 1..count).step_by(LANES) {
-            let four = |array: &[f32]| Vec4::from_slice(&array[first..]);
-            let away = [four(x) - centre[0], four(y) - centre[1], four(z) - centre[2]];
-            let steps = (first - one) as f32 + Vec4::new(0.0, 1.0, 2.0, 3.0);
-            let needed = four(radius) + radius[one] + steps * play;
-            let distance_squared = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
-            let mut near = distance_squared.cmplt(needed * needed).bitmask();
-            while near != 0 {
-                let lane = near.trailing_zeros() as usize;
-                near &= near - 1;
-                let other = first + lane;
+            let lanes = |array: &[f32]| array[first..].first_chunk::<LANES>().copied().unwrap_or_default();
+            let (other_x, other_y, other_z, reach) = (lanes(x), lanes(y), lanes(z), lanes(radius));
+            let steps = (first - one) as f32;
+            let mut near = [false; LANES];
+            for lane in 0..LANES {
+                let away = [other_x[lane] - x[one], other_y[lane] - y[one], other_z[lane] - z[one]];
+                let needed = reach[lane] + radius[one] + (steps + lane as f32) * play;
+                near[lane] = away[0] * away[0] + away[1] * away[1] + away[2] * away[2] < needed * needed;
+            }
+            if near == [false; LANES] {
+                continue;
+            }
+            for other in (first..count.min(first + LANES)).filter(|other| near[other - first]) {
                 let are_spheres = radius[one] > 0.0 && radius[other] > 0.0;
                 let [a, b] = [one, other].map(|place| (start + place) as u32);
-                if other < count && are_spheres && !exclusions.contains(a, b) {
-                    let gap = distance_squared[lane].sqrt() - radius[one] - radius[other];
+                if are_spheres && !exclusions.contains(a, b) {
+                    let away = [x[other] - x[one], y[other] - y[one], z[other] - z[one]];
+                    let gap = Vec3::from_array(away).length() - radius[one] - radius[other];
                     play = play.min(gap / (other - one) as f32);
                 }
             }

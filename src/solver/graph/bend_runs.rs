@@ -1,19 +1,27 @@
 //! The bends of one block of particles that the kernel takes eight at a time.
 
+use std::ops::Range;
+
 use super::block::{Loose, MIN_RUN};
 use crate::solver::elements::{Bend, for_each_bend};
 
-/// Bends each of whose ends are consecutive slots: as along a rope, or a row of a cloth.
-#[derive(Debug, Clone, Copy)]
+/// Places of a run without a bend, at most, one after the other: what is computed there for nothing costs less than
+/// a run of its own.
+const MAX_HOLE: u32 = MIN_RUN as u32;
+
+/// Bends each of whose ends are consecutive slots, with holes where there is none: as along a rope, or the rows of a cloth.
+#[derive(Debug, Clone)]
 pub(in crate::solver) struct BendRun<const N: usize> {
     /// The first of the slots of each end.
     pub first: [u32; N],
     /// The ends in the order of their slots.
     pub order: [u32; N],
-    /// Number of bends.
+    /// Number of bends and holes.
     pub count: u32,
     /// Where their parameters begin in the list.
     pub start: u32,
+    /// The places of the run at which there is no bend.
+    pub holes: Vec<Range<u32>>,
     /// Whether the block owns each of the ends.
     pub owned: [bool; N],
     /// The weights, if they are those of all its bends: less to read.
@@ -71,13 +79,19 @@ pub(super) struct BendEntry<const N: usize> {
 }
 
 impl<const N: usize> BendEntry<N> {
+    /// Number of places between this and a later bend, if both may be in one run.
+    fn hole_before(&self, next: &Self) -> Option<u32> {
+        let are_alike = (self.tile, self.owned, self.offsets) == (next.tile, next.owned, next.offsets);
+        are_alike.then(|| next.first - self.first - 1)
+    }
+
     fn ends(&self) -> [u32; N] {
         self.offsets.map(|offset| self.first.wrapping_add_signed(offset))
     }
 }
 
 impl<const N: usize> BendList<N> {
-    /// Number of bends in runs.
+    /// Number of bends in runs, and of holes.
     pub fn len(&self) -> usize {
         self.rest_length.len()
     }
@@ -89,15 +103,19 @@ impl<const N: usize> BendList<N> {
             (rest_length, stiffness, damping);
         self.weights.iter_mut().zip(weights).for_each(|(all, weight)| all[index] = weight);
         let run = self.runs.partition_point(|run| run.start as usize <= index) - 1;
-        let run = &mut self.runs[run];
-        if run.material != Some([stiffness, damping]) {
-            run.material = None;
+        self.runs[run].note(bend);
+    }
+
+    /// Appends the parameters of a bend to the last run.
+    fn push(&mut self, bend: Bend<N>) {
+        let Bend { rest_length, stiffness, damping, weights } = bend;
+        self.rest_length.push(rest_length);
+        self.stiffness.push(stiffness);
+        self.damping.push(damping);
+        self.weights.iter_mut().zip(weights).for_each(|(all, weight)| all.push(weight));
+        if let Some(run) = self.runs.last_mut() {
+            run.count += 1;
         }
-        if run.weights != Some(weights) {
-            run.weights = None;
-        }
-        run.is_curved |= rest_length > 0.0;
-        run.is_damped |= damping > 0.0;
     }
 
     /// Divides sorted entries into runs and `loose` bends. Calls `place` with the number of each and its place:
@@ -114,16 +132,27 @@ impl<const N: usize> BendList<N> {
                 == (next.tile, next.owned, next.offsets, next.first)
         };
         let groups = || entries.chunk_by(consecutive);
+        let mut last: Option<&BendEntry<N>> = None;
         for group in groups().filter(|group| group.len() >= MIN_RUN) {
-            let bends = || group.iter().map(|entry| bends[entry.bend as usize]);
-            group.iter().zip(self.len()..).for_each(|(entry, index)| place(entry.bend, index));
-            self.runs.push(BendRun::of(&group[0], self.len(), bends));
-            for Bend { rest_length, stiffness, damping, weights } in bends() {
-                self.rest_length.push(rest_length);
-                self.stiffness.push(stiffness);
-                self.damping.push(damping);
-                self.weights.iter_mut().zip(weights).for_each(|(all, weight)| all.push(weight));
+            let (entry, start) = (&group[0], self.len() as u32);
+            let hole = last.and_then(|last| last.hole_before(entry)).filter(|hole| *hole <= MAX_HOLE);
+            match (hole, self.runs.last_mut()) {
+                (Some(hole), Some(run)) => {
+                    run.holes.push(run.count..run.count + hole);
+                    let nothing = Bend { weights: [0.0; N], ..Bend::default() };
+                    (0..hole).for_each(|_| self.push(nothing));
+                }
+                _ => self.runs.push(BendRun::new(entry, start, bends[entry.bend as usize])),
             }
+            for entry in group {
+                place(entry.bend, self.len());
+                let bend = bends[entry.bend as usize];
+                self.push(bend);
+                if let Some(run) = self.runs.last_mut() {
+                    run.note(bend);
+                }
+            }
+            last = group.last();
         }
         for entry in groups().filter(|group| group.len() < MIN_RUN).flatten() {
             place(entry.bend, self.len() + loose.len());
@@ -134,22 +163,30 @@ impl<const N: usize> BendList<N> {
 }
 
 impl<const N: usize> BendRun<N> {
-    fn of<I: Iterator<Item = Bend<N>>>(entry: &BendEntry<N>, start: usize, bends: impl Fn() -> I) -> Self {
+    /// An empty run that will begin with this bend.
+    fn new(entry: &BendEntry<N>, start: u32, bend: Bend<N>) -> Self {
         let first = entry.ends();
         let mut order = std::array::from_fn(|end| end as u32);
         order.sort_unstable_by_key(|end| first[*end as usize]);
-        let material = |bend: Bend<N>| [bend.stiffness, bend.damping];
-        let example = bends().next().unwrap_or_default();
         Self {
             first,
             order,
-            count: bends().count() as u32,
-            start: start as u32,
+            count: 0,
+            start,
+            holes: Vec::new(),
             owned: entry.owned,
-            weights: bends().all(|bend| bend.weights == example.weights).then_some(example.weights),
-            material: bends().all(|bend| material(bend) == material(example)).then(|| material(example)),
-            is_curved: bends().any(|bend| bend.rest_length > 0.0),
-            is_damped: bends().any(|bend| bend.damping > 0.0),
+            weights: Some(bend.weights),
+            material: Some([bend.stiffness, bend.damping]),
+            is_curved: false,
+            is_damped: false,
         }
+    }
+
+    /// Takes note of the parameters of one of its bends.
+    fn note(&mut self, Bend { rest_length, stiffness, damping, weights }: Bend<N>) {
+        self.material = self.material.filter(|material| *material == [stiffness, damping]);
+        self.weights = self.weights.filter(|all| *all == weights);
+        self.is_curved |= rest_length > 0.0;
+        self.is_damped |= damping > 0.0;
     }
 }

@@ -10,7 +10,7 @@ use crate::solver::settings::Field;
 
 /// Springs computed before their forces are added: enough that the additions do not wait for the
 /// stores of those before.
-pub(super) const CHUNK: usize = 64;
+const CHUNK: usize = 64;
 
 /// Springs computed together: a vector of AVX2.
 pub(super) const LANES: usize = MIN_RUN;
@@ -48,8 +48,8 @@ pub(super) fn block_accelerations(
             let (applied_force, velocity) = (&applied_force[part.clone()], &velocity[part.clone()]);
             let force = &mut force[part];
             for index in 0..force.len() {
-                // The drag of the medium: −ν v.
-                force[index] = applied_force[index] - field.viscosity * velocity[index];
+                // The drag of the medium: −ν v. Plus 0, so that it is never −0: to add 0 later changes no bit.
+                force[index] = (applied_force[index] + 0.0) - field.viscosity * velocity[index];
             }
         }
     }

@@ -1,15 +1,26 @@
-//! The forces of bends in runs: eight are loaded, computed and stored at a time without gathering.
+//! The forces of bends in runs: a chunk of them at a time, step by step, so that each step reads a few arrays in order.
 
 use bevy::math::Vec3;
 
 use super::Motion;
-use super::accelerations::{CHUNK, LANES};
+use super::accelerations::LANES;
 use crate::solver::elements::{Bend, for_each_bend};
 use crate::solver::graph::block::Block;
 use crate::solver::graph::{BendList, BendRun};
 
-/// The pulls of the bends of a chunk, from index `LANES`, with zeros on both sides.
-struct Pulls([[f32; LANES + CHUNK + LANES + LANES]; 3]);
+/// Bends computed together: what is read and written stays in the first-level cache.
+const CHUNK: usize = 512;
+
+/// A vector for each bend of a chunk, from index `LANES`.
+type Chunk = [[f32; LANES + CHUNK + LANES + LANES]; 3];
+
+/// Working memory.
+struct Buffers {
+    /// Separations, then pulls, with zeros on both sides.
+    pulls: Chunk,
+    /// Rates of the separations.
+    rates: Chunk,
+}
 
 /// Adds the forces of all bends in runs. Work of its own, as the compiler would else copy it into each that evaluates
 /// forces.
@@ -45,31 +56,35 @@ for_each_bend!(define_add_bends);
 
 #[inline(always)]
 fn add_bends<const N: usize>(list: &BendList<N>, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
-    let mut pulls = Pulls([[0.0; LANES + CHUNK + LANES + LANES]; 3]);
+    if list.runs.is_empty() {
+        return;
+    }
+    const ZEROS: Chunk = [[0.0; LANES + CHUNK + LANES + LANES]; 3];
+    let mut buffers = Buffers { pulls: ZEROS, rates: ZEROS };
     for run in &list.runs {
         let count = run.count as usize;
         let mut done = 0;
         while done < count {
-            // What is left after a chunk fills a vector, or there is none.
             let left = count - done;
             let chunk = if left < CHUNK + LANES { left } else { CHUNK };
             match (run.is_curved, run.is_damped) {
-                (false, false) => compute::<false, false, N>(list, run, (done, chunk), motion, &mut pulls),
-                (false, true) => compute::<false, true, N>(list, run, (done, chunk), motion, &mut pulls),
-                (true, _) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut pulls),
+                (false, false) => compute::<false, false, N>(list, run, (done, chunk), motion, &mut buffers),
+                (false, true) => compute::<false, true, N>(list, run, (done, chunk), motion, &mut buffers),
+                (true, _) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut buffers),
+            }
+            for hole in &run.holes {
+                let hole = (hole.start as usize).max(done)..(hole.end as usize).min(done + chunk);
+                for place in hole {
+                    buffers.pulls.iter_mut().for_each(|pulls| pulls[LANES + place - done] = 0.0);
+                }
             }
             match run.weights {
-                Some(weights) => add_uniform(run, weights, (done, chunk), &mut pulls, force, start),
-                None => add_each(list, run, (done, chunk), &pulls, force, start),
+                Some(weights) => add_uniform(run, weights, (done, chunk), &mut buffers.pulls, force, start),
+                None => add_each(list, run, (done, chunk), &buffers.pulls, force, start),
             }
             done += chunk;
         }
     }
-}
-
-#[inline(always)]
-fn lanes(array: &[f32], at: usize) -> [f32; LANES] {
-    array[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
 }
 
 /// The pulls of `chunk` bends of a run, from the one numbered `done`.
@@ -79,61 +94,87 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     run: &BendRun<N>,
     (done, chunk): (usize, usize),
     motion: Motion,
-    pulls: &mut Pulls,
+    Buffers { pulls, rates }: &mut Buffers,
 ) {
-    let count = run.count as usize;
-    let mut weights = run.weights.unwrap_or([0.0; N]).map(|weight| [weight; LANES]);
-    for first in (0..chunk).step_by(LANES) {
-        // The last vector of a run overlaps the one before it and computes some bends again.
-        let at = (done + first).min(count - LANES);
-        let place = run.start as usize + at;
-        if run.weights.is_none() {
-            for (weights, all) in weights.iter_mut().zip(&list.weights) {
-                *weights = lanes(all, place);
-            }
-        }
-        let separation = combine(motion.position, run, at, &weights);
-        let rate = if DAMPED { combine(motion.velocity, run, at, &weights) } else { [[0.0; LANES]; 3] };
-        let rest_length = if CURVED { lanes(&list.rest_length, place) } else { [0.0; LANES] };
-        let [stiffness, damping] = match run.material {
-            Some(material) => material.map(|value| [value; LANES]),
-            None => [lanes(&list.stiffness, place), lanes(&list.damping, place)],
-        };
-        let mut found = [[0.0; LANES]; 3];
-        for lane in 0..LANES {
-            let vector = |axes: &[[f32; LANES]; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
-            let material = [rest_length[lane], stiffness[lane], damping[lane]];
-            let pull = Bend::<N>::pull_of::<CURVED, DAMPED>(material, vector(&separation), vector(&rate));
-            found[0][lane] = pull.x;
-            found[1][lane] = pull.y;
-            found[2][lane] = pull.z;
-        }
-        for (pulls, found) in pulls.0.iter_mut().zip(found) {
-            let at = LANES + at - done;
-            pulls[at..at + LANES].copy_from_slice(&found);
+    if let (false, false, Some([stiffness, _])) = (CURVED, DAMPED, run.material) {
+        return combine(list, run, (done, chunk), motion.position, pulls, |separation| separation * -stiffness);
+    }
+    combine(list, run, (done, chunk), motion.position, pulls, |separation| separation);
+    if DAMPED {
+        combine(list, run, (done, chunk), motion.velocity, rates, |rate| rate);
+    }
+    let places = run.start as usize + done..run.start as usize + done + chunk;
+    let rest_lengths = &list.rest_length[places.clone()];
+    match run.material {
+        Some(material) => pull::<CURVED, DAMPED, N>(pulls, rates, rest_lengths, |_| material),
+        None => {
+            let (stiffness, damping) = (&list.stiffness[places.clone()], &list.damping[places]);
+            pull::<CURVED, DAMPED, N>(pulls, rates, rest_lengths, |index| [stiffness[index], damping[index]]);
         }
     }
 }
 
-/// Σ cᵢ vᵢ over the ends of eight bends of a run, from the one numbered `at`.
+/// Makes separations the pulls that they cause.
+#[inline(always)]
+fn pull<const CURVED: bool, const DAMPED: bool, const N: usize>(
+    pulls: &mut Chunk,
+    rates: &Chunk,
+    rest_lengths: &[f32],
+    material: impl Fn(usize) -> [f32; 2],
+) {
+    let chunk = rest_lengths.len();
+    let [x, y, z] = pulls;
+    let (x, y, z) =
+        (&mut x[LANES..LANES + chunk], &mut y[LANES..LANES + chunk], &mut z[LANES..LANES + chunk]);
+    let [rate_x, rate_y, rate_z] = rates;
+    let (rate_x, rate_y, rate_z) =
+        (&rate_x[LANES..LANES + chunk], &rate_y[LANES..LANES + chunk], &rate_z[LANES..LANES + chunk]);
+    for index in 0..chunk {
+        let [stiffness, damping] = material(index);
+        let rest_length = if CURVED { rest_lengths[index] } else { 0.0 };
+        let separation = Vec3::new(x[index], y[index], z[index]);
+        let rate = if DAMPED { Vec3::new(rate_x[index], rate_y[index], rate_z[index]) } else { Vec3::ZERO };
+        let material = [rest_length, stiffness, damping];
+        let pull = Bend::<N>::pull_of::<CURVED, DAMPED>(material, separation, rate);
+        (x[index], y[index], z[index]) = (pull.x, pull.y, pull.z);
+    }
+}
+
+/// What `change` makes of Σ cᵢ vᵢ over the ends of `chunk` bends of a run, from the one numbered `done`.
 #[inline(always)]
 fn combine<const N: usize>(
-    vectors: [&[f32]; 3],
+    list: &BendList<N>,
     run: &BendRun<N>,
-    at: usize,
-    weights: &[[f32; LANES]; N],
-) -> [[f32; LANES]; 3] {
-    let mut sums = [[0.0; LANES]; 3];
+    (done, chunk): (usize, usize),
+    vectors: [&[f32]; 3],
+    sums: &mut Chunk,
+    change: impl Fn(f32) -> f32,
+) {
+    let place = run.start as usize + done;
     for (sums, vectors) in sums.iter_mut().zip(vectors) {
-        for (end, weights) in weights.iter().enumerate() {
-            let values = lanes(vectors, run.first[end] as usize + at);
-            for lane in 0..LANES {
-                let term = values[lane] * weights[lane];
-                sums[lane] = if end == 0 { term } else { sums[lane] + term };
+        let sums = &mut sums[LANES..LANES + chunk];
+        let mut ends = [&vectors[..0]; N];
+        for (end, first) in ends.iter_mut().zip(run.first) {
+            *end = &vectors[first as usize + done..][..chunk];
+        }
+        if let Some(weights) = run.weights {
+            for index in 0..chunk {
+                let first = ends[0][index] * weights[0];
+                let sum = (1..N).fold(first, |sum, end| sum + ends[end][index] * weights[end]);
+                sums[index] = change(sum);
+            }
+        } else {
+            let mut weights = [&vectors[..0]; N];
+            for (weights, all) in weights.iter_mut().zip(&list.weights) {
+                *weights = &all[place..][..chunk];
+            }
+            for index in 0..chunk {
+                let first = ends[0][index] * weights[0][index];
+                let sum = (1..N).fold(first, |sum, end| sum + ends[end][index] * weights[end][index]);
+                sums[index] = change(sum);
             }
         }
     }
-    sums
 }
 
 /// Adds the forces of bends with the same weights. Ends that are near each other are added to together: what is
@@ -143,13 +184,13 @@ fn add_uniform<const N: usize>(
     run: &BendRun<N>,
     weights: [f32; N],
     (done, chunk): (usize, usize),
-    pulls: &mut Pulls,
+    pulls: &mut Chunk,
     force: &mut [&mut [f32]; 3],
     start: usize,
 ) {
     let end = LANES + chunk;
     // Those before the chunk are zero always.
-    pulls.0.iter_mut().for_each(|pulls| pulls[end..end + LANES].fill(0.0));
+    pulls.iter_mut().for_each(|pulls| pulls[end..end + LANES].fill(0.0));
     let mut next = 0;
     while next < N {
         let first = run.order[next] as usize;
@@ -170,7 +211,7 @@ fn add_uniform<const N: usize>(
             continue;
         }
         let at = (run.first[first] as usize + done).wrapping_sub(start);
-        for (force, pulls) in force.iter_mut().zip(&pulls.0) {
+        for (force, pulls) in force.iter_mut().zip(&*pulls) {
             let count = chunk + offsets[together - 1];
             let force = &mut force[at..at + count];
             let shifted = |which: usize| &pulls[LANES - offsets[which]..][..count];
@@ -204,7 +245,7 @@ fn add_each<const N: usize>(
     list: &BendList<N>,
     run: &BendRun<N>,
     (done, chunk): (usize, usize),
-    pulls: &Pulls,
+    pulls: &Chunk,
     force: &mut [&mut [f32]; 3],
     start: usize,
 ) {
@@ -212,7 +253,7 @@ fn add_each<const N: usize>(
     for end in (0..N).filter(|end| run.owned[*end]) {
         let at = (run.first[end] as usize + done).wrapping_sub(start);
         let weights = &list.weights[end][place..place + chunk];
-        for (force, pulls) in force.iter_mut().zip(&pulls.0) {
+        for (force, pulls) in force.iter_mut().zip(pulls) {
             let (force, pulls) = (&mut force[at..at + chunk], &pulls[LANES..LANES + chunk]);
             for index in 0..chunk {
                 force[index] += weights[index] * pulls[index];
