@@ -84,7 +84,9 @@ impl Chain {
 
     /// Whether so little of its play is used that it may keep it.
     pub fn has_play_left(&self, positions: &Vectors, origins: &Vectors) -> bool {
-        self.is_within_play(positions, origins, KEPT_PLAY * self.play)
+        let [_, is_within] =
+            self.keeps_within([positions, origins], (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
+        is_within
     }
 
     /// Makes the positions of its particles those from which its play counts.
@@ -94,60 +96,63 @@ impl Chain {
         }
     }
 
-    /// Whether all centres less `common` are in the box grown by `margin`.
+    /// Whether all centres less `common` are in the box grown by `margin`, and whether the relative motion of neighbours
+    /// is within `play`.
     #[inline(always)]
-    fn is_inside(&self, positions: &Vectors, common: Vec3, margin: Vec3) -> bool {
+    fn keeps_within(
+        &self,
+        [positions, origins]: [&Vectors; 2],
+        (common, margin): (Vec3, Vec3),
+        play: f32,
+    ) -> [bool; 2] {
         let (least, most) = (self.least + common - margin, self.most + common + margin);
-        (0..3).all(|axis| {
-            let (least, most) = (least[axis], most[axis]);
-            let positions = &positions.axes()[axis][self.slots()];
-            positions.iter().fold(true, |inside, x| inside & (*x >= least) & (*x <= most))
-        })
-    }
-
-    /// Whether the relative motion of neighbours is within `play`.
-    #[inline(always)]
-    fn is_within_play(&self, positions: &Vectors, origins: &Vectors, play: f32) -> bool {
-        let slots = self.slots();
+        let (slots, limit) = (self.slots(), play * play);
+        let count = slots.len();
         let [x, y, z] = positions.axes();
         let (x, y, z) = (&x[slots.clone()], &y[slots.clone()], &z[slots.clone()]);
         let [from_x, from_y, from_z] = origins.axes();
         let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
-        let change = |here: &[f32], from: &[f32], place: usize| {
-            (here[place] - here[place - 1]) - (from[place] - from[place - 1])
+        let is_outside = |place: usize| {
+            let outside = |x: f32, axis: usize| u32::from(!(x >= least[axis])) | u32::from(!(x <= most[axis]));
+            outside(x[place], 0) | outside(y[place], 1) | outside(z[place], 2)
         };
-        let limit = play * play;
-        (1..x.len()).fold(true, |within, place| {
-            let (x, y, z) = (change(x, from_x, place), change(y, from_y, place), change(z, from_z, place));
-            within & (x * x + y * y + z * z <= limit)
-        })
+        // Numbers as wide as coordinates: the compiler makes vectors of them.
+        let (mut outside, mut beyond) = (is_outside(0), 0);
+        for place in 1..count {
+            outside |= is_outside(place);
+            let change_x = (x[place] - x[place - 1]) - (from_x[place] - from_x[place - 1]);
+            let change_y = (y[place] - y[place - 1]) - (from_y[place] - from_y[place - 1]);
+            let change_z = (z[place] - z[place - 1]) - (from_z[place] - from_z[place - 1]);
+            let change_squared = change_x * change_x + change_y * change_y + change_z * change_z;
+            beyond |= u32::from(!(change_squared <= limit));
+        }
+        [outside == 0, beyond == 0]
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
     #[inline(always)]
     pub fn proofs(&self, positions: &Vectors, origins: &Vectors, common: Vec3) -> [Proof; 2] {
-        let is_inside = |margin: Vec3| self.is_inside(positions, common, margin);
-        let is_within = |play: f32| self.is_within_play(positions, origins, play);
-        let proof = |holds: bool, fails: &dyn Fn() -> bool| match holds {
-            true => Proof::Holds,
-            false if fails() => Proof::Fails,
-            false => Proof::Expires,
-        };
-        [
-            proof(is_inside(Vec3::ZERO), &|| !is_inside(self.margin)),
-            proof(is_within(USED_PLAY * self.play), &|| !is_within(self.play)),
-        ]
+        let motion = [positions, origins];
+        let hold = self.keeps_within(motion, (common, Vec3::ZERO), USED_PLAY * self.play);
+        if hold == [true; 2] {
+            return [Proof::Holds; 2];
+        }
+        let may_go_on = self.keeps_within(motion, (common, self.margin), self.play);
+        [0, 1].map(|place| match (hold[place], may_go_on[place]) {
+            (true, _) => Proof::Holds,
+            (false, true) => Proof::Expires,
+            (false, false) => Proof::Fails,
+        })
     }
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
     /// `substep` s.
-    #[inline(always)]
     pub fn renew_play(&mut self, particles: &Particles, exclusions: &Exclusions, substep: f32) -> bool {
         let slots = self.slots();
         let velocity = |slot: usize| particles.velocity.get(slot);
         let speeds = slots.clone().skip(1).map(|slot| velocity(slot).distance_squared(velocity(slot - 1)));
         let needed = speeds.fold(0.0, f32::max).sqrt() * PLAY_SUBSTEPS * substep;
-        self.play = play(particles, exclusions, slots);
+        self.play = pulp::Arch::new().dispatch(Play { particles, exclusions, slots });
         self.play > 0.0 && USED_PLAY * self.play > needed
     }
 
@@ -177,45 +182,66 @@ impl Chain {
     }
 }
 
-/// The least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide.
-#[inline(always)]
-fn play(particles: &Particles, exclusions: &Exclusions, slots: Range<usize>) -> f32 {
-    let (start, count) = (slots.start, slots.len());
-    // Padded with what is far away.
-    let mut buffer = [[f32::MAX.sqrt() * 0.1; MAX_LENGTH + LANES]; 4];
-    for (axis, values) in buffer.iter_mut().zip(particles.position.axes()) {
-        axis[..count].copy_from_slice(&values[slots.clone()]);
-    }
-    buffer[3] = [0.0; MAX_LENGTH + LANES];
-    buffer[3][..count].copy_from_slice(&particles.radius()[slots]);
-    let [x, y, z, radius] = &buffer;
-    let mut play = f32::MAX.sqrt() * 1e-3;
-    for one in 0..count {
-        for first in (one + 1..count).step_by(LANES) {
-            let lanes = |array: &[f32]| array[first..].first_chunk::<LANES>().copied().unwrap_or_default();
-            let (other_x, other_y, other_z, reach) = (lanes(x), lanes(y), lanes(z), lanes(radius));
-            let steps = (first - one) as f32;
-            let mut near = [false; LANES];
-            for lane in 0..LANES {
-                let away = [other_x[lane] - x[one], other_y[lane] - y[one], other_z[lane] - z[one]];
-                let needed = reach[lane] + radius[one] + (steps + lane as f32) * play;
-                near[lane] = away[0] * away[0] + away[1] * away[1] + away[2] * away[2] < needed * needed;
+/// Finds the least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide, m.
+struct Play<'a> {
+    particles: &'a Particles,
+    exclusions: &'a Exclusions,
+    slots: Range<usize>,
+}
+
+impl pulp::WithSimd for Play<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> f32 {
+        let Self { particles, exclusions, slots } = self;
+        let (start, count) = (slots.start, slots.len());
+        // Padded with what is far away.
+        let mut buffer = [[f32::MAX.sqrt() * 0.1; MAX_LENGTH + LANES]; 4];
+        for (axis, values) in buffer.iter_mut().zip(particles.position.axes()) {
+            axis[..count].copy_from_slice(&values[slots.clone()]);
+        }
+        buffer[3] = [0.0; MAX_LENGTH + LANES];
+        buffer[3][..count].copy_from_slice(&particles.radius()[slots]);
+        let [x, y, z, radius] = &buffer;
+        let narrowed = |play: f32, one: usize, other: usize| {
+            let are_spheres = radius[one] > 0.0 && radius[other] > 0.0;
+            let [a, b] = [one, other].map(|place| (start + place) as u32);
+            if !are_spheres || exclusions.contains(a, b) {
+                return play;
             }
-            if near == [false; LANES] {
-                continue;
+            let away = [x[other] - x[one], y[other] - y[one], z[other] - z[one]];
+            let gap = Vec3::from_array(away).length() - radius[one] - radius[other];
+            play.min(gap / (other - one) as f32)
+        };
+        let mut play = f32::MAX.sqrt() * 1e-3;
+        for one in 0..count {
+            // Neighbours are near, and exempt nearly always.
+            if one + 1 < count {
+                play = narrowed(play, one, one + 1);
             }
-            for other in (first..count.min(first + LANES)).filter(|other| near[other - first]) {
-                let are_spheres = radius[one] > 0.0 && radius[other] > 0.0;
-                let [a, b] = [one, other].map(|place| (start + place) as u32);
-                if are_spheres && !exclusions.contains(a, b) {
-                    let away = [x[other] - x[one], y[other] - y[one], z[other] - z[one]];
-                    let gap = Vec3::from_array(away).length() - radius[one] - radius[other];
-                    play = play.min(gap / (other - one) as f32);
+            for first in (one + 2..count).step_by(LANES) {
+                let lanes = |array: &[f32]| array[first..].first_chunk::<LANES>().copied().unwrap_or_default();
+                let (other_x, other_y, other_z, reach) = (lanes(x), lanes(y), lanes(z), lanes(radius));
+                let steps = (first - one) as f32;
+                let (mut near, mut any) = ([0; LANES], 0);
+                for lane in 0..LANES {
+                    let away = [other_x[lane] - x[one], other_y[lane] - y[one], other_z[lane] - z[one]];
+                    let needed = reach[lane] + radius[one] + (steps + lane as f32) * play;
+                    let distance_squared = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+                    near[lane] = u32::from(distance_squared < needed * needed);
+                    any |= near[lane];
+                }
+                if any == 0 {
+                    continue;
+                }
+                for other in (first..count.min(first + LANES)).filter(|other| near[other - first] != 0) {
+                    play = narrowed(play, one, other);
                 }
             }
         }
+        play
     }
-    play
 }
 
 /// s, s and m/s².
@@ -250,6 +276,9 @@ pub(super) mod tests {
     fn the_play_is_the_least_gap_for_each_link_between_two() {
         let straight: Vec<_> = (0..20).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
         let (particles, exclusions) = rope(&straight);
+        let play = |particles: &Particles, exclusions: &Exclusions, slots: Range<usize>| {
+            pulp::Arch::new().dispatch(Play { particles, exclusions, slots })
+        };
         assert!((play(&particles, &exclusions, 0..20) - 0.06).abs() < 1e-6);
         // Folded in the middle: the ends are 0.08 m apart, and 13 links.
         let folded: Vec<_> = (0..14)

@@ -224,9 +224,6 @@ fn add_loose<E: Element<N>, const N: usize>(
     force: &mut [&mut [f32]; 3],
     start: usize,
 ) {
-    let separation = |Loose { ends, element, .. }: &Loose<E, N>| {
-        [motion.position, motion.velocity].map(|vectors| combine(vectors, ends, element.weights()))
-    };
     let mut add = |Loose { ends, owned, element }: &Loose<E, N>, pull: Vec3| {
         for ((&end, owned), weight) in ends.iter().zip(owned).zip(element.weights()) {
             if *owned {
@@ -238,17 +235,28 @@ fn add_loose<E: Element<N>, const N: usize>(
     };
     let (groups, last) = loose.as_chunks::<LANES>();
     for group in groups {
-        let separations = group.each_ref().map(separation);
-        let mut pulls = [Vec3::ZERO; LANES];
-        for lane in 0..LANES {
-            let [separation, rate] = separations[lane];
-            pulls[lane] = group[lane].element.pull(separation, rate);
+        // By coordinate, in place of arrays of vectors: those would be stored in other pieces than they are loaded in.
+        let (mut separations, mut rates) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        for (lane, Loose { ends, element, .. }) in group.iter().enumerate() {
+            let separation = combine(motion.position, ends, element.weights());
+            let rate = combine(motion.velocity, ends, element.weights());
+            for axis in 0..3 {
+                (separations[axis][lane], rates[axis][lane]) = (separation[axis], rate[axis]);
+            }
         }
-        group.iter().zip(pulls).for_each(|(loose, pull)| add(loose, pull));
+        let mut pulls = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let vector = |axes: &[[f32; LANES]; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
+            let pull = group[lane].element.pull(vector(&separations), vector(&rates));
+            (pulls[0][lane], pulls[1][lane], pulls[2][lane]) = (pull.x, pull.y, pull.z);
+        }
+        for (lane, loose) in group.iter().enumerate() {
+            add(loose, Vec3::new(pulls[0][lane], pulls[1][lane], pulls[2][lane]));
+        }
     }
     for loose in last {
-        let [separation, rate] = separation(loose);
-        add(loose, loose.element.pull(separation, rate));
+        let of = |vectors| combine(vectors, &loose.ends, loose.element.weights());
+        add(loose, loose.element.pull(of(motion.position), of(motion.velocity)));
     }
 }
 
