@@ -113,7 +113,8 @@ impl Chain {
         let [from_x, from_y, from_z] = origins.axes();
         let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
         let is_outside = |place: usize| {
-            let outside = |x: f32, axis: usize| u32::from(!(x >= least[axis])) | u32::from(!(x <= most[axis]));
+            let outside =
+                |x: f32, axis: usize| u32::from(!(x >= least[axis])) | u32::from(!(x <= most[axis]));
             outside(x[place], 0) | outside(y[place], 1) | outside(z[place], 2)
         };
         // Numbers as wide as coordinates: the compiler makes vectors of them.
@@ -221,7 +222,8 @@ impl pulp::WithSimd for Play<'_> {
                 play = narrowed(play, one, one + 1);
             }
             for first in (one + 2..count).step_by(LANES) {
-                let lanes = |array: &[f32]| array[first..].first_chunk::<LANES>().copied().unwrap_or_default();
+                let lanes =
+                    |array: &[f32]| array[first..].first_chunk::<LANES>().copied().unwrap_or_default();
                 let (other_x, other_y, other_z, reach) = (lanes(x), lanes(y), lanes(z), lanes(radius));
                 let steps = (first - one) as f32;
                 let (mut near, mut any) = ([0; LANES], 0);

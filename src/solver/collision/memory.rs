@@ -41,7 +41,20 @@ pub(super) struct RememberedContact {
 impl ContactMemory {
     /// Forgets everything, as if the simulation had just started.
     pub fn forget(&mut self) {
-        *self = Self { version: Version::new(), ..Self::default() };
+        if !self.is_empty() {
+            *self = Self { version: Version::new(), ..Self::default() };
+        }
+    }
+
+    /// Whether nothing is remembered.
+    fn is_empty(&self) -> bool {
+        let Self { broad_phase, wide, age, crowded, contacts, entangled, dormant, dormant_entangled, .. } =
+            self;
+        let any_contacts = !(contacts.is_empty() && dormant.is_empty());
+        let any_entangled = !(entangled.is_empty() && dormant_entangled.is_empty());
+        let has_searched =
+            broad_phase.is_some() || *age > 0 || *wide || *crowded || !self.searched.is_empty();
+        !(any_contacts || any_entangled || has_searched)
     }
 
     /// Whether nothing can touch among `count` particles as long as its free chains are free.

@@ -97,7 +97,9 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     Buffers { pulls, rates }: &mut Buffers,
 ) {
     if let (false, false, Some([stiffness, _])) = (CURVED, DAMPED, run.material) {
-        return combine(list, run, (done, chunk), motion.position, pulls, |separation| separation * -stiffness);
+        return combine(list, run, (done, chunk), motion.position, pulls, |separation| {
+            separation * -stiffness
+        });
     }
     combine(list, run, (done, chunk), motion.position, pulls, |separation| separation);
     if DAMPED {
