@@ -245,6 +245,28 @@ mod tests {
         }
     }
 
+    /// A search keeps the origins of what has moved little since they were noted, and notes those of what has moved more.
+    #[test]
+    fn play_that_is_left_is_kept() {
+        let straight: Vec<_> = (0..20).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
+        let (mut particles, exclusions) = rope(&straight);
+        let (mut search, skins) = (ChainSearch::default(), vec![0.004; 20]);
+        let (mut free, mut origins) = (Vec::new(), Vectors::default());
+        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
+        search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut origins));
+        let first = origins.clone();
+        // Each link turns by 0.1 m · 2 sin(angle / 2), of a play of 0.06 m.
+        for (angle, is_kept) in [(0.2_f32, true), (0.3, false)] {
+            let (sin, cos) = bevy::math::ops::sin_cos(angle);
+            for slot in 0..20 {
+                particles.position.set(slot, Vec3::new(cos, sin, 0.0) * 0.1 * slot as f32);
+            }
+            search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut origins));
+            assert_eq!(free.len(), 1);
+            assert_eq!(origins, if is_kept { first.clone() } else { particles.position.clone() }, "{angle}");
+        }
+    }
+
     #[test]
     fn chains_are_free_where_nothing_reaches_into_their_boxes() {
         for (height, is_free) in [(0.5, true), (0.03, false)] {
