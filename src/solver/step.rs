@@ -138,7 +138,7 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
-        let step = plan.integrator.is_implicit().then_some(duration);
+        let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
         caches.stop_crossings(state, inputs, (settings, duration), (step, have_touched));
         caches.fail(state, outputs, plan, (index, duration));
     }

@@ -54,7 +54,7 @@ impl Caches {
         self.course.end(particles);
         // Where colliders are at the end of a long step is not known yet.
         if !self.contacts.any_moving() {
-            self.stop_crossings(state, inputs, (settings, duration), (Some(duration), false));
+            self.stop_crossings(state, inputs, (settings, duration), (Some([duration, elapsed]), false));
         }
         self.interleaved.begin_glide(&self.implicit_euler, &state.particles);
     }

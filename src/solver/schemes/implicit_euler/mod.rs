@@ -46,7 +46,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
-pub(in crate::solver) use backtrack::Course;
+pub(in crate::solver) use backtrack::{Course, Remedy};
 use clusters::Clusters;
 use contacts::{Motion, PairFilter};
 use features::IslandFeatures;
