@@ -158,10 +158,7 @@ impl Island {
             self.refresh_features(features, features_version, particles.len());
         }
         self.system.begin(&self.elimination, particles, elements, field, h);
-        for (node, (slot, place)) in
-            slots.iter().zip(&places).enumerate().filter(|(_, (slot, _))| stopped[**slot])
-        {
-            let _ = slot;
+        for (node, place) in places.iter().enumerate().filter(|(node, _)| stopped[slots[*node]]) {
             self.system.inertia[node] *= HOLD;
             self.system.flight[node] = place.as_dvec3();
             self.system.position[node] = place.as_dvec3();

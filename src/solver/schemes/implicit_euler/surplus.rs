@@ -2,8 +2,8 @@
 //!
 //! Solved to the end a step dissipates: of a convex potential E' <= E. Broken off it may not, as where the contacts of a sheet
 //! on a curved collider are more than Newton's method finds, and a rebound from there, by one linear solution, gains many
-//! times what there was. Then the rebound is left out; and what is still too much is taken from the motion relative to the
-//! centre of mass, so that momentum stays.
+//! times what there was. Then the rebound is left out. Where elements have more than there was, the step ends before they do; and
+//! what is still too much is taken from the motion relative to the centre of mass, so that momentum stays.
 
 use bevy::math::{DVec3, Vec3};
 
