@@ -1,20 +1,22 @@
 //! A tick: plan → substeps → outputs.
 
 mod plans;
+mod stiff;
 mod stops;
 
 use crate::solver::air::Air;
-use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surfaces, Surroundings};
+use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surfaces};
 use crate::solver::failures::Failures;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
-use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Net, Position, Scratch};
+use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Net, Position, Scratch};
 use crate::solver::settings::{Field, Integrator, StepSettings};
 use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
+use stiff::surroundings;
 use stops::resolve_surfaces;
 
 /// What moves the particles and colliders in a tick, apart from the physics.
@@ -39,6 +41,9 @@ pub(crate) struct Caches {
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
+    course: Course,
+    /// Working memory: whether the particle in each slot was stopped.
+    stopped: Vec<bool>,
     air: Air,
     /// Working memory.
     tensions: Vec<f64>,
@@ -95,9 +100,15 @@ pub(crate) fn step(
             settings,
         );
         caches.surfaces.begin_substep(&state.particles);
+        if plan.begins_implicit_step(index) {
+            caches.course.begin(&state.particles);
+        }
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         caches.advance(state, inputs, settings, pinned, plan, (index, duration));
+        if plan.integrator.is_implicit() {
+            caches.course.end(&state.particles);
+        }
         if outputs.record_contacts && plan.begins_implicit_step(index) {
             outputs.contacts.extend_from_slice(caches.implicit_euler.touching());
         }
@@ -127,7 +138,8 @@ pub(crate) fn step(
             }
         }
         caches.limit_strains(state, duration, elapsed);
-        caches.stop_crossings(state, inputs, settings.gravity.length() * duration, have_touched);
+        let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
+        caches.stop_crossings(state, inputs, (settings, duration), (step, have_touched));
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
@@ -325,11 +337,9 @@ impl Caches {
         plan: Plan,
         (index, substep): (u32, f32),
     ) {
-        let State { particles, elements, contacts, pulls, exposed, .. } = state;
+        let State { particles, elements, exposed, .. } = &*state;
         let steps = if plan.stiff_substeps > 0 { plan.stiff_substeps } else { plan.substeps };
         self.air.evaluate(exposed, particles, [substep, settings.time_step / steps as f32]);
-        let field = Field { air: self.air.load(), ..settings.field() };
-        let Self { blocks, colouring, implicit_euler, interleaved, scratch, surfaces, .. } = self;
         // One substep is no way to go: the new parameters act at once.
         let elapsed = if plan.substeps == 1 { 1.0 } else { plan.elapsed(index) };
         let has_ramps = elements.any_ramps();
@@ -341,32 +351,14 @@ impl Caches {
             Some(Position { done, count, .. }) => index - done + count,
             None => index + 1,
         };
-        let (features, features_version) = self.contacts.features();
-        let surroundings = Surroundings {
-            colliders: &inputs.colliders,
-            skins: &inputs.skins,
-            features,
-            features_version,
-            settings,
-            memory: contacts,
-            elapsed: step_end as f32 / plan.substeps as f32,
-            covered: self.contacts.covered(),
-        };
+        let step_end = step_end as f32 / plan.substeps as f32;
         if let Some(position) = position {
-            let acceleration = &mut scratch.acceleration;
-            if has_ramps {
-                elements.ramp_to(plan.elapsed(step_end));
-            }
-            interleaved.before_substep(
-                (&mut *implicit_euler, &mut *pulls, &mut *surfaces),
-                elements,
-                particles,
-                acceleration,
-                field,
-                surroundings,
-                position,
-            );
+            self.advance_stiff(state, inputs, settings, (position, step_end));
         }
+        let State { particles, elements, contacts, pulls, .. } = state;
+        let field = Field { air: self.air.load(), ..settings.field() };
+        let surroundings = surroundings((&self.contacts, contacts), inputs, settings, step_end);
+        let Self { blocks, colouring, implicit_euler, interleaved, scratch, surfaces, .. } = self;
         if has_ramps {
             elements.ramp_to(pinned.elapsed);
             if !plan.integrator.is_implicit() {

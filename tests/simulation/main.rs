@@ -41,6 +41,7 @@ mod physics;
 mod pinning;
 mod plugins;
 mod prescribed;
+mod pressed;
 mod properties;
 mod ramps;
 #[cfg(feature = "scene")]

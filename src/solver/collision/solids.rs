@@ -67,6 +67,11 @@ impl ContactCaches {
         guard.stop(around, feature_search, particles)
     }
 
+    /// Whether any collider moves.
+    pub fn any_moving(&self) -> bool {
+        self.placed.moving().next().is_some()
+    }
+
     /// The particles that were stopped in the last substep, some more than once.
     pub fn stopped_at_colliders(&self) -> &[u32] {
         if self.placed.is_empty() { &[] } else { self.guard.stopped() }

@@ -10,17 +10,14 @@
 //! ```
 //!
 //! No element joins the two kinds, and each scheme writes its own particles only, so an island that touches
-//! nothing ends each step where it would without the others, to the bit. What a contact changes on the way is
-//! glided on with, until the next kick.
+//! nothing ends each step where it would without the others, to the bit. A contact on the way changes velocities; on the next
+//! kick elements answer to them. Until then particles that elements join come back to their paths: one that left the others would
+//! stretch stiff springs. Others fly on as the contact has sent them.
 
 use bevy::math::Vec3;
 
 use super::ImplicitEuler;
-use crate::solver::collision::{Surfaces, Surroundings};
-use crate::solver::elements::Elements;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::pulls::Pulls;
-use crate::solver::settings::Field;
 
 /// The motion of the stiff particles within a tick: working memory.
 #[derive(Debug, Clone, Default)]
@@ -28,6 +25,8 @@ pub(in crate::solver) struct Interleaved {
     glides: Vec<Glide>,
     /// Number of those of the stiff islands; behind them are those of particles that these have met.
     own: usize,
+    /// Number of those among them that elements join to others: they come first.
+    joined: usize,
 }
 
 /// A straight path at constant velocity.
@@ -62,33 +61,31 @@ impl Interleaved {
         self.glides.clear();
         self.glides.extend(implicit_euler.slots().map(|slot| Glide { slot, ..Glide::default() }));
         self.own = self.glides.len();
+        self.joined = implicit_euler.island_slots().count();
     }
 
-    /// To be called before the explicit scheme advances the others by a substep: kicks the stiff particles when a
-    /// long step begins, and sends those on that a contact has displaced or that have another velocity.
-    pub fn before_substep(
-        &mut self,
-        (implicit_euler, pulls, surfaces): (&mut ImplicitEuler, &mut Pulls, &mut Surfaces),
-        elements: &Elements,
-        particles: &mut Particles,
-        acceleration: &mut Vectors,
-        field: Field,
-        surroundings: Surroundings,
-        Position { done, count, substep }: Position,
-    ) {
+    /// To be called before the explicit scheme advances the others by a substep within a long step: sends the stiff particles on
+    /// that a contact has displaced or that have another velocity.
+    pub fn follow_contacts(&mut self, particles: &Particles, Position { done, count, substep }: Position) {
         let left = (count - done) as f32 * substep;
-        if done > 0 {
-            self.glides.iter_mut().for_each(|glide| glide.follow_contact(particles, done, left));
-            return;
+        let Self { glides, joined, .. } = self;
+        for (number, glide) in glides.iter_mut().enumerate() {
+            glide.follow_contact(particles, done, left, number < *joined);
         }
+    }
+
+    /// To be called when a long step begins, before the stiff particles are advanced to its end.
+    pub fn begin_step(&mut self, particles: &Particles) {
         self.glides.truncate(self.own);
         for glide in &mut self.glides {
             glide.started = 0;
             glide.start = particles.position.get(glide.slot);
             glide.velocity = particles.velocity.get(glide.slot);
         }
-        let around = (surroundings, surfaces);
-        implicit_euler.advance(elements, particles, field, acceleration, around, Some(pulls), left);
+    }
+
+    /// To be called after that: they glide there.
+    pub fn begin_glide(&mut self, implicit_euler: &ImplicitEuler, particles: &Particles) {
         let own = &self.glides[..self.own];
         let added =
             implicit_euler.lone_advanced().filter(|(slot, _)| own.iter().all(|glide| glide.slot != *slot));
@@ -123,11 +120,12 @@ impl Interleaved {
 }
 
 impl Glide {
-    /// Glides on from where a contact has put it, or with the velocity that it got there.
-    fn follow_contact(&mut self, particles: &Particles, done: u32, left: f32) {
+    /// Glides on from where a contact has put it, with the velocity that it got there: to where that leads, or, if it is
+    /// `joined` to others, to where they are in balance.
+    fn follow_contact(&mut self, particles: &Particles, done: u32, left: f32, is_joined: bool) {
         let (position, velocity) = (particles.position.get(self.slot), particles.velocity.get(self.slot));
         if position != self.position || velocity != self.velocity {
-            let target = position + left * velocity;
+            let target = if is_joined { self.target } else { position + left * velocity };
             *self = Self { start: position, target, velocity, started: done, ..*self };
         }
     }

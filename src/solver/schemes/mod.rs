@@ -21,7 +21,7 @@ use crate::solver::kernel::{self, Motion};
 use crate::solver::particles::{Particles, PinnedMotions, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::{Field, Integrator};
-pub(super) use implicit_euler::ImplicitEuler;
+pub(super) use implicit_euler::{Course, ImplicitEuler, Remedy};
 pub(super) use interleaved::{Interleaved, Position};
 
 /// What schemes need besides the state: working memory, of which nothing outlasts a tick.

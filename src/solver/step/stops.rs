@@ -1,12 +1,18 @@
 //! The end of a substep: contacts of surfaces are solved, and nothing has passed through anything.
 
+use super::stiff::surroundings;
 use super::{Caches, Inputs};
 use crate::solver::collision::{ContactCaches, ContactRecord, Substep, Surfaces};
 use crate::solver::particles::Particles;
+use crate::solver::schemes::Remedy;
+use crate::solver::settings::{Field, StepSettings};
 use crate::solver::state::State;
 
 /// Number of times, at most, that what would pass through something is stopped at colliders and at surfaces in turn.
 const MAX_STOPS: u32 = 4;
+
+/// What is done in turn about implicit steps that gain energy where particles are stopped.
+const REMEDIES: [Remedy; 5] = [Remedy::Hold, Remedy::Hold, Remedy::Hold, Remedy::Shorten, Remedy::Stay];
 
 /// Number of times, at most, that contacts of surfaces are solved in a substep, each time with what they have pressed into
 /// half-spaces put back onto these: two that press a third one onto the ground part by the weights of the upper ones.
@@ -35,19 +41,43 @@ pub(super) fn resolve_surfaces(
 }
 
 impl Caches {
-    /// Stops what would pass through something; nothing rebounds below the `resting_speed`, m/s, and `have_touched` says
-    /// whether surfaces have.
+    /// Stops what would pass through something in a substep of `duration` seconds; `have_touched` says whether surfaces have. An
+    /// implicit `step`, which ends here, is mended where that gives an island energy: its duration, s, and the part of the tick that
+    /// has elapsed at its end.
     pub(super) fn stop_crossings(
         &mut self,
         state: &mut State,
         inputs: &Inputs,
-        resting_speed: f32,
-        have_touched: bool,
+        (settings, duration): (&StepSettings, f32),
+        (step, have_touched): (Option<[f32; 2]>, bool),
     ) {
+        // Nothing rebounds below this speed, m/s.
+        let resting_speed = settings.gravity.length() * duration;
+        self.surfaces.begin_stops();
+        let mut have_stopped = self.stop_all(state, inputs, resting_speed);
+        if let Some(step) = step.filter(|_| have_stopped) {
+            for remedy in REMEDIES {
+                if !self.backtrack(state, inputs, settings, (step, remedy)) {
+                    break;
+                }
+                have_stopped |= self.stop_all(state, inputs, resting_speed);
+            }
+        }
+        if have_touched || have_stopped {
+            self.scratch.disturb();
+            if !state.pulls.is_empty() {
+                self.surfaces.for_each_touching(|slot| state.pulls.touch(slot));
+                let stopped = self.contacts.stopped_at_colliders();
+                stopped.iter().for_each(|slot| state.pulls.touch(*slot as usize));
+            }
+        }
+    }
+
+    /// Stops what would pass through something, at colliders and at surfaces; whether there was any.
+    fn stop_all(&mut self, state: &mut State, inputs: &Inputs, resting_speed: f32) -> bool {
         let Inputs { colliders, skins, .. } = inputs;
         let Self { contacts, surfaces, .. } = self;
         let mut have_stopped = false;
-        surfaces.begin_stops();
         // What stops at one may be in the way of the other.
         for round in 0..MAX_STOPS {
             let at_colliders =
@@ -59,13 +89,35 @@ impl Caches {
                 break;
             }
         }
-        if have_touched || have_stopped {
-            self.scratch.disturb();
-            if !state.pulls.is_empty() {
-                self.surfaces.for_each_touching(|slot| state.pulls.touch(slot));
-                let stopped = self.contacts.stopped_at_colliders();
-                stopped.iter().for_each(|slot| state.pulls.touch(*slot as usize));
-            }
+        have_stopped
+    }
+
+    /// Mends the implicit step of islands to which what was stopped gives energy; whether there are any. It takes the first of
+    /// `step`, s, and ends when the second part of the tick has elapsed.
+    fn backtrack(
+        &mut self,
+        state: &mut State,
+        inputs: &Inputs,
+        settings: &StepSettings,
+        ([h, elapsed], remedy): ([f32; 2], Remedy),
+    ) -> bool {
+        let State { particles, elements, pulls, contacts: memory, .. } = state;
+        let Self { contacts, surfaces, implicit_euler, course, stopped, scratch, air, .. } = self;
+        if contacts.any_moving() || surfaces.any_pushing(particles) {
+            return false;
         }
+        stopped.clear();
+        stopped.resize(particles.len(), false);
+        surfaces.for_each_touching(|slot| stopped[slot] = true);
+        contacts.stopped_at_colliders().iter().for_each(|slot| stopped[*slot as usize] = true);
+        let field = Field { air: air.load(), ..settings.field() };
+        let surroundings = surroundings((contacts, memory), inputs, settings, elapsed);
+        let parts = (particles, &mut scratch.acceleration);
+        let step = (&*elements, field, h, surroundings);
+        implicit_euler.backtrack(step, course, parts, (stopped, remedy), |slot| {
+            if !pulls.is_empty() {
+                pulls.touch(slot);
+            }
+        })
     }
 }

@@ -185,6 +185,16 @@ impl Surfaces {
         [is_new, is_held]
     }
 
+    /// Whether a pinned particle of a surface has moved in the substep, or one that collides.
+    pub fn any_pushing(&self, particles: &Particles) -> bool {
+        let Self { primitives, start, is_active, .. } = self;
+        let pushes = |slot: usize| {
+            let collides = primitives.on_mesh[slot] || particles.radius()[slot] > 0.0;
+            particles.is_pinned(slot) && collides && particles.position.get(slot) != start.get(slot)
+        };
+        *is_active && (0..particles.len()).any(pushes)
+    }
+
     /// To be called before the first stop of a substep.
     pub fn begin_stops(&mut self) {
         self.advance.clear();

@@ -5,13 +5,19 @@ use bevy::math::{DVec3, Vec3, Vec3A};
 
 use super::confine::ATTEMPTS;
 use super::contact::{Examination, Meeting};
-use super::pair::{CLOSE_PART, Kind};
+use super::pair::{CLOSE_PART, Kind, LEAST_PART};
 use super::search::{Candidate, Moving};
 use super::{Surfaces, rebound_of};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
 use super::super::material::Skin;
+
+/// Which part of the longest way of a particle in free flight elements may add to its way in a tick, as far as schemes are chosen by
+/// it; and the part of its reach within which a pair that has touched counts as touching, so that schemes do not change to and
+/// fro where nets bounce on each other.
+const UNKNOWN_PART: f32 = 0.25;
+const KEPT_PART: f32 = 0.5;
 
 /// A point of one surface that is not to come nearer to a point of another one than they touch, along a direction that is fixed
 /// for a step.
@@ -25,6 +31,8 @@ pub(in crate::solver) struct StiffContact {
     pub normal: DVec3,
     /// The distance that they keep, m.
     pub reach: f64,
+    /// The distance at which they are stopped, m.
+    pub least: f64,
     /// Coefficient of restitution.
     pub restitution: f64,
     /// Coefficient of Coulomb friction.
@@ -124,10 +132,12 @@ impl Surfaces {
             let falls = if particles.is_pinned(slot) { Vec3::ZERO } else { time_step * gravity };
             end.set(slot, start.get(slot) + time_step * (particles.velocity.get(slot) + falls));
         }
+        let longest = (0..particles.len()).map(|slot| (end.get(slot) - start.get(slot)).length());
+        let margin = UNKNOWN_PART * longest.filter(|way| way.is_finite()).fold(0.0, f32::max);
         let moving = Moving { start, end, particles };
-        search.ensure(primitives, moving, (skins, 0.0));
+        search.ensure(primitives, moving, (skins, margin));
         for candidate in search.close() {
-            let most = candidate.largest_reach();
+            let most = (1.0 + KEPT_PART) * candidate.largest_reach() + margin;
             if candidate.least_distance(&search.moved) > most {
                 continue;
             }
@@ -151,6 +161,7 @@ fn stiff_contact(
         weights: balanced(weights, candidate.kind.first_side()),
         normal: unit(normal),
         reach: reach.into(),
+        least: (LEAST_PART * candidate.largest_reach()).into(),
         restitution: restitution.into(),
         friction: friction.into(),
         kind: candidate.kind,

@@ -187,6 +187,17 @@ impl Clusters {
         self.clusters.iter().filter(move |_| any).map(|cluster| &cluster.island)
     }
 
+    /// The same.
+    pub fn islands_mut(&mut self) -> impl Iterator<Item = &mut Island> {
+        let any = self.any();
+        self.clusters.iter_mut().filter(move |_| any).map(|cluster| &mut cluster.island)
+    }
+
+    /// Whether this island was solved together with others.
+    pub fn has_joined(&self, number: usize) -> bool {
+        self.any() && self.clusters.iter().any(|cluster| cluster.members.contains(&number))
+    }
+
     /// Joins the islands of the pairs.
     fn join(&mut self, islands: &[Island], particles: &Particles) {
         let Self { pairs, surfaces, clusters, island_of, nearby, .. } = self;

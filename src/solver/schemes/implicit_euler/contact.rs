@@ -11,6 +11,11 @@ use crate::solver::graph::Linked;
 /// K of contacts of surfaces, at most, as a multiple of the inertia.
 const SURFACE_STIFFENING: f64 = 100.0;
 
+/// The part of its room from which on a contact of surfaces becomes stiffer, and by what: the springs of a stiff net, or a heavy one,
+/// push a light one through softer contacts.
+const DEEP_PART: f64 = 0.5;
+const HARDENING: f64 = 30.0;
+
 /// A particle that touches an obstacle or another particle, or may in this step.
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
@@ -51,6 +56,10 @@ pub(super) struct Contact {
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
     pub friction: f64,
+    /// How far it may go beyond `allowed` until surfaces are stopped, m; infinite of others.
+    pub room: f64,
+    /// By how much K is greater than that of others.
+    pub hardness: f64,
 }
 
 /// What a particle touches.
@@ -112,6 +121,8 @@ impl Contact {
             rubbed: Rubbed::default(),
             restitution: 0.0,
             friction: 0.0,
+            room: f64::INFINITY,
+            hardness: 1.0,
         }
     }
 
@@ -121,10 +132,20 @@ impl Contact {
     }
 
     /// K, N/m, where it is to be this multiple of the inertia. Surfaces yield by parts of their thickness, so that theirs need not be so
-    /// great; it would have the method of conjugate gradients take many more iterations, as it couples several particles.
+    /// great until they are [hardened](Self::harden); it would have the method of conjugate gradients take many more iterations, as it couples several particles.
     fn stiffness(&self, multiple: f64) -> f64 {
         let is_surface = matches!(self.partner, Partner::Surface { .. });
-        self.inertia * if is_surface { multiple.min(SURFACE_STIFFENING) } else { multiple }
+        self.inertia * self.hardness * if is_surface { multiple.min(SURFACE_STIFFENING) } else { multiple }
+    }
+
+    /// Makes it stiffer if it yields so far that the surfaces would soon be stopped where they are, and keeps its force; whether it is.
+    pub fn harden(&mut self) -> bool {
+        let is_deep = self.force > 0.0 && self.depth > DEEP_PART * self.room;
+        if is_deep {
+            self.multiplier = self.force;
+            self.hardness *= HARDENING;
+        }
+        is_deep
     }
 
     /// The slip in m below which friction of at most `limit` N is viscous; of surfaces it is as stiff as these are, at most.

@@ -46,6 +46,9 @@ const MAX_PASSES: usize = 5;
 pub(super) const MAX_SURFACE_PASSES: usize = 2;
 const MAX_SURFACE_STEPS: usize = 12;
 
+/// Number of solutions after which no contact of surfaces becomes stiffer any more.
+const MAX_HARDENING_PASSES: usize = 6;
+
 /// An overlap is left at this speed at most, m/s, so that one that no motion made is no source of energy.
 pub(super) const RECOVERY_SPEED: f64 = 0.1;
 
@@ -246,7 +249,7 @@ impl Contacts {
 
     /// Number of Newton steps of the next solution, at most.
     pub fn max_steps(&self) -> usize {
-        let is_last = !self.any() || self.passes + 1 == self.max_passes;
+        let is_last = !self.any() || self.passes + 1 >= self.max_passes;
         match is_last {
             true if self.max_passes == MAX_SURFACE_PASSES => MAX_SURFACE_STEPS,
             true => MAX_STEPS,
@@ -276,12 +279,18 @@ impl Contacts {
                 contact.multiplier = contact.force;
             }
         }
+        let mut any_harder = false;
+        if self.passes < MAX_HARDENING_PASSES {
+            for contact in &mut self.contacts {
+                any_harder |= contact.harden();
+            }
+        }
         let is_deep = deepest > self.max_depth;
         if is_deep {
             self.stiffness *= GROWTH;
         }
         let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
-        is_due && self.any() && self.passes < self.max_passes
+        any_harder || (is_due && self.any() && self.passes < self.max_passes)
     }
 
     /// The energy at these positions, J.

@@ -16,6 +16,7 @@
 //! `system.rs` linearises, the graph's `elimination.rs` orders the unknowns so that trees of springs and ropes that
 //! resist bending are eliminated directly, `conjugate_gradient.rs` solves for the rest.
 
+mod backtrack;
 mod balance;
 mod block;
 mod clusters;
@@ -45,6 +46,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::Field;
 use crate::solver::state::Version;
+pub(in crate::solver) use backtrack::{Course, Remedy};
 use clusters::Clusters;
 use contacts::{Motion, PairFilter};
 use features::IslandFeatures;
@@ -299,7 +301,7 @@ impl Island {
             excess = self.excess(step, particles, before);
         }
         if let Some(allowed) = excess {
-            self.slow_down(allowed, particles, acceleration, h);
+            self.shed(step, particles, acceleration, allowed);
         }
     }
 

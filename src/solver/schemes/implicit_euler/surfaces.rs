@@ -7,6 +7,9 @@ use super::contact::{Contact, Partner};
 use super::contacts::{Contacts, MAX_SURFACE_PASSES, Motion, RECOVERY_SPEED};
 use crate::solver::collision::StiffContact;
 
+/// The room of a contact that begins where surfaces are stopped, as a part of its reach.
+const LEAST_ROOM: f64 = 0.02;
+
 impl Contacts {
     /// Adds contacts of surfaces; `node_of` has the nodes of their free corners.
     pub fn add_surfaces(&mut self, motion: &Motion, found: &[StiffContact], node_of: &[u32]) {
@@ -35,13 +38,15 @@ impl Contacts {
             nodes().skip(1).zip(&mut others).for_each(|(corner, other)| *other = corner);
             let (begin, reach, normal) = (sum(start), contact.reach, contact.normal);
             let gap = (begin + pinned).dot(normal) - reach;
+            let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
             self.contacts.push(Contact {
                 weight,
                 others,
                 count: nodes().count() - 1,
                 radius: 0.5 * reach,
                 inertia: 1.0 / nodes().map(|(node, weight)| weight * weight / inertia[node]).sum::<f64>(),
-                allowed: (gap + RECOVERY_SPEED * h).min(0.0),
+                allowed,
+                room: (allowed + reach - contact.least).max(LEAST_ROOM * reach),
                 origin: begin - pinned_way,
                 approach: -(sum(flight) - begin + pinned_way).dot(normal) / h,
                 normal,

@@ -2,8 +2,8 @@
 //!
 //! Solved to the end a step dissipates: of a convex potential E' <= E. Broken off it may not, as where the contacts of a sheet
 //! on a curved collider are more than Newton's method finds, and a rebound from there, by one linear solution, gains many
-//! times what there was. Then the rebound is left out; and what is still too much is taken from the motion relative to the
-//! centre of mass, so that momentum stays.
+//! times what there was. Then the rebound is left out. Where elements have more than there was, the step ends before they do; and
+//! what is still too much is taken from the motion relative to the centre of mass, so that momentum stays.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -13,7 +13,10 @@ use super::{Island, Step, write};
 use crate::solver::particles::{Particles, Vectors};
 
 /// How much energy a step may gain, as a part of the kinetic energy: what is left of an error of the solution.
-const MAX_GAIN: f64 = 1e-3;
+pub(super) const MAX_GAIN: f64 = 1e-3;
+
+/// Below this part of it a step is left out.
+pub(super) const LEAST_PART: f64 = 1e-3;
 
 impl Island {
     /// Whether nothing that moves by itself has done work on it: no pinned particle of it and nothing that holds it moves.
@@ -67,7 +70,7 @@ impl Island {
         }
     }
 
-    /// Whether the present motion has more energy than there was `before`; how much motion may have, J.
+    /// Whether the present motion has more energy than there was `before`; how much there may be, J.
     pub(super) fn excess(&self, step: Step, particles: &Particles, before: [f64; 2]) -> Option<f64> {
         let motion = |node: usize| {
             let slot = self.elimination.slots[node] as usize;
@@ -77,7 +80,44 @@ impl Island {
         let [old_kinetic, old_potential] = before;
         let allowed = old_kinetic + old_potential + MAX_GAIN * old_kinetic;
         // Neither of NaN.
-        (kinetic + potential > allowed).then_some((allowed - potential).max(0.0))
+        (kinetic + potential > allowed).then_some(allowed)
+    }
+
+    /// Takes what is more than the energy `allowed`, J, from a step that has been written back: goes back along it to where
+    /// elements have no more than that, and slows the motion down.
+    pub(super) fn shed(
+        &mut self,
+        step: Step,
+        particles: &mut Particles,
+        acceleration: &mut Vectors,
+        allowed: f64,
+    ) {
+        let velocity = |particles: &Particles, node: usize| {
+            particles.velocity.get(self.elimination.slots[node] as usize).as_dvec3()
+        };
+        let potential_at = |position: &[DVec3], particles: &Particles| {
+            let motion =
+                |node: usize| Motion { position: position[node], velocity: velocity(particles, node) };
+            self.energy(step, particles, motion)[1]
+        };
+        let mut position = self.system.position.clone();
+        let mut potential = potential_at(&position, particles);
+        let (mut part, free) = (1.0, 0..self.elimination.free);
+        while potential > allowed && part > 0.0 {
+            part = if part > LEAST_PART { 0.5 * part } else { 0.0 };
+            for node in free.clone() {
+                position[node] = self.system.start[node].lerp(self.system.position[node], part);
+            }
+            potential = potential_at(&position, particles);
+        }
+        if part < 1.0 {
+            self.system.position = position;
+            for node in free {
+                let slot = self.elimination.slots[node] as usize;
+                particles.position.set(slot, self.system.position[node].as_vec3());
+            }
+        }
+        self.slow_down((allowed - potential).max(0.0), particles, acceleration, step.h);
     }
 
     /// Slows it down to a kinetic energy of `allowed` J, and not its centre of mass.
