@@ -10,15 +10,11 @@ use bevy::math::Vec3A;
 use super::finder::{Boxes, Finder, is_one_family};
 use super::pair::Kind;
 use super::primitives::Primitives;
-use super::spread::{EachMoved, Spread, room_of};
+use super::spread::{EachMoved, Spread, room_of, roomy};
 use super::tree::{Box3, fit_primitives};
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
-
-/// For how many substeps, as the one of the search, a body is to stay in its box; and the room on all sides, as a part of it.
-const BODY_SUBSTEPS: f32 = 16.0;
-const BODY_ROOM: f32 = 0.1;
 
 /// By how much more than it has moved at most a vertex may move before the close candidates are listed anew.
 const LIMIT_GROWTH: f32 = 1.5;
@@ -78,6 +74,8 @@ pub(super) struct Search {
     /// The numbers of the candidates that may touch before any vertex is farther than `limits`, m, in their order.
     pub close: Vec<u32>,
     limits: [f32; 2],
+    /// How far from touching they are listed, m.
+    listed_margin: f32,
     /// The boxes of nodes, edges and triangles, with their body and in the world.
     nodes: [Vec<Box3>; 2],
     edges: [Vec<Box3>; 2],
@@ -119,6 +117,11 @@ impl Search {
         (self.is_good, self.margin) = (false, 0.0);
     }
 
+    /// From now on pairs within a smaller margin may be enough.
+    pub fn narrow(&mut self) {
+        (self.listed_margin, self.limits) = (0.0, [-1.0; 2]);
+    }
+
     /// Makes the candidates good for a substep: all pairs that come within `margin` m of touching are among them, in an order
     /// that does not depend on when they were found. Whether it has searched.
     pub fn ensure(
@@ -147,7 +150,9 @@ impl Search {
                 self.farthest = [f32::INFINITY; 2];
             }
         }
-        if self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit) {
+        let is_beyond = self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit);
+        if is_beyond || margin > self.listed_margin {
+            self.listed_margin = self.listed_margin.max(margin);
             self.limits = self.farthest.map(|farthest| LIMIT_GROWTH * farthest);
             let had_any = !self.close.is_empty();
             self.list_close();
@@ -160,11 +165,11 @@ impl Search {
 
     /// Lists the candidates that may touch before any vertex is farther than the limits.
     fn list_close(&mut self) {
-        let Self { candidates, close, limits, margin, .. } = self;
+        let Self { candidates, close, limits, listed_margin, .. } = self;
         close.clear();
         let is_close = |candidate: &Candidate| {
             let most_moved = 2.0 * limits[usize::from(!candidate.is_within)];
-            candidate.distance <= candidate.largest_reach() + *margin + most_moved
+            candidate.distance <= candidate.largest_reach() + *listed_margin + most_moved
         };
         close.extend((0..).zip(&*candidates).filter(|(_, one)| is_close(one)).map(|(number, _)| number));
     }
@@ -387,13 +392,4 @@ fn has_exploded(primitives: &Primitives, body: usize, spread: &Spread, moving: M
     let vertices = primitives.forest.vertices_of(&primitives.forest.bodies[body]);
     let mean = Primitives::mean(vertices, |slot| moving.end.get(slot));
     vertices.iter().any(|slot| moving.end.get(*slot as usize).distance_squared(mean) > most * most)
-}
-
-/// The box of a body, with room for some substeps, in each of which it goes a `way`: while it overlaps no other one, that is
-/// all that is to be checked of where the body is in the world.
-fn roomy(tight: Box3, way: Vec3A) -> Box3 {
-    let way = BODY_SUBSTEPS * way;
-    let room = BODY_ROOM * (tight.most - tight.least);
-    let (least, most) = (tight.least - room, tight.most + room);
-    Box3 { least: least.min(least + way), most: most.max(most + way) }
 }

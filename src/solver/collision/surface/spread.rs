@@ -15,6 +15,10 @@ const SKIN: f32 = 0.6;
 /// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
 const FAST_SKIN: [f32; 2] = [4.0, 6.0];
 
+/// For how many substeps, as the one of the search, a body is to stay in its box; and the room on all sides, as a part of it.
+const BODY_SUBSTEPS: f32 = 16.0;
+const BODY_ROOM: f32 = 0.1;
+
 /// Rounding, as a part of a coordinate.
 const ROUNDING: f32 = 4e-7;
 
@@ -183,4 +187,13 @@ pub(super) fn room_of(ends: [Vec3A; 2], way: Vec3A, (radius, margin): (f32, f32)
     let room = way + skin + 0.5 * margin + f32::MIN_POSITIVE;
     let reach = Vec3A::splat(radius + room + rounding);
     (room, Box3 { least: ends[0] - reach, most: ends[0] + reach })
+}
+
+/// The box of a body, with room for some substeps, in each of which it goes a `way`: while it overlaps no other one, that is
+/// all that is to be checked of where the body is in the world.
+pub(super) fn roomy(tight: Box3, way: Vec3A) -> Box3 {
+    let way = BODY_SUBSTEPS * way;
+    let room = BODY_ROOM * (tight.most - tight.least);
+    let (least, most) = (tight.least - room, tight.most + room);
+    Box3 { least: least.min(least + way), most: most.max(most + way) }
 }

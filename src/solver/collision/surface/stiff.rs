@@ -14,7 +14,7 @@ use crate::solver::settings::{Integrator, StepSettings};
 use super::super::material::Skin;
 
 /// Which part of the longest way of a particle in free flight elements may add to its way in a tick, as far as schemes are chosen by
-/// it; and the part of its reach within which a pair that has touched counts as touching, so that schemes do not change to and
+/// it, and up to the greatest thickness; and the part of its reach within which a pair that has touched counts as touching, so that schemes do not change to and
 /// fro where nets bounce on each other.
 const UNKNOWN_PART: f32 = 0.25;
 const KEPT_PART: f32 = 0.5;
@@ -132,10 +132,12 @@ impl Surfaces {
             let falls = if particles.is_pinned(slot) { Vec3::ZERO } else { time_step * gravity };
             end.set(slot, start.get(slot) + time_step * (particles.velocity.get(slot) + falls));
         }
-        let longest = (0..particles.len()).map(|slot| (end.get(slot) - start.get(slot)).length());
-        let margin = UNKNOWN_PART * longest.filter(|way| way.is_finite()).fold(0.0, f32::max);
+        let ways = (0..particles.len()).map(|slot| (end.get(slot) - start.get(slot)).length());
+        let longest = ways.filter(|way| way.is_finite()).fold(0.0, f32::max);
+        let thickest = particles.radius().iter().copied().fold(0.0, f32::max);
+        let margin = (UNKNOWN_PART * longest).min(2.0 * thickest);
         let moving = Moving { start, end, particles };
-        search.ensure(primitives, moving, (skins, margin));
+        search.ensure(primitives, moving, (skins, margin + KEPT_PART * 2.0 * thickest));
         for candidate in search.close() {
             let most = (1.0 + KEPT_PART) * candidate.largest_reach() + margin;
             if candidate.least_distance(&search.moved) > most {
@@ -147,6 +149,7 @@ impl Surfaces {
                 visit(candidate.slots);
             }
         }
+        search.narrow();
     }
 }
 
