@@ -112,22 +112,21 @@ impl Chain {
         let (x, y, z) = (&x[slots.clone()], &y[slots.clone()], &z[slots.clone()]);
         let [from_x, from_y, from_z] = origins.axes();
         let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
-        let is_outside = |place: usize| {
-            let outside =
-                |x: f32, axis: usize| u32::from(!(x >= least[axis])) | u32::from(!(x <= most[axis]));
-            outside(x[place], 0) | outside(y[place], 1) | outside(z[place], 2)
+        // Numbers as wide as coordinates: the compiler makes vectors of them. 0 of NaN.
+        let is_inside = |place: usize| {
+            let inside = |x: f32, axis: usize| u32::from(x >= least[axis]) & u32::from(x <= most[axis]);
+            inside(x[place], 0) & inside(y[place], 1) & inside(z[place], 2)
         };
-        // Numbers as wide as coordinates: the compiler makes vectors of them.
-        let (mut outside, mut beyond) = (is_outside(0), 0);
+        let (mut inside, mut within) = (is_inside(0), 1);
         for place in 1..count {
-            outside |= is_outside(place);
+            inside &= is_inside(place);
             let change_x = (x[place] - x[place - 1]) - (from_x[place] - from_x[place - 1]);
             let change_y = (y[place] - y[place - 1]) - (from_y[place] - from_y[place - 1]);
             let change_z = (z[place] - z[place - 1]) - (from_z[place] - from_z[place - 1]);
             let change_squared = change_x * change_x + change_y * change_y + change_z * change_z;
-            beyond |= u32::from(!(change_squared <= limit));
+            within &= u32::from(change_squared <= limit);
         }
-        [outside == 0, beyond == 0]
+        [inside == 1, within == 1]
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
