@@ -48,13 +48,13 @@ impl RopeMesh {
         self
     }
 
-    /// A tube with so many sides, 3 to 256.
+    /// Sets the number of sides of the tube, 3 to 256.
     pub fn with_sides(mut self, sides: u32) -> Self {
         self.sides = sides;
         self
     }
 
-    /// A tube with so many cross-sections for each link, 1 to 64.
+    /// Sets the number of cross-sections for each link, 1 to 64.
     pub fn with_rings(mut self, rings: u32) -> Self {
         self.rings = rings;
         self

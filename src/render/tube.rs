@@ -26,7 +26,7 @@ pub(super) struct Profile {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Section {
-    /// So many corners; rounded ends of so many rings, or open.
+    /// A polygon of `sides` corners; each end is closed by a cap of `cap_rings` rings, or open if that is 0.
     Round { radius: f32, sides: u32, cap_rings: u32 },
     /// Facing the normal of its frame, or, as far as it can, this direction of the world.
     Flat { half_width: f32, facing: Option<Vec3> },

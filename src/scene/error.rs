@@ -57,7 +57,7 @@ pub enum SceneErrorReason {
         /// What would have been accepted.
         expected: String,
     },
-    /// A net whose values are in their ranges, but cannot be laid out together.
+    /// Each value of a net is in its range, but together they make no net.
     #[error("{field} cannot be laid out: {source}")]
     Net {
         /// The net, such as `nets[3]`.

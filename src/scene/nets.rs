@@ -163,7 +163,7 @@ fn cells(count: &[u32], value: impl std::fmt::Debug) -> Result<(), InvalidParame
     Ok(())
 }
 
-/// The number of corners of so many cells along each axis.
+/// The number of corners of a lattice with these numbers of cells along its axes.
 fn lattice(cells: &[u32]) -> usize {
     cells.iter().fold(1, |product: usize, cells| product.saturating_mul(*cells as usize + 1))
 }

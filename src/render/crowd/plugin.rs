@@ -76,7 +76,7 @@ struct Crowds {
     buffer: Handle<ShaderBuffer>,
     tubes: Vec<SharedTube>,
     materials: HashMap<AssetId<StandardMaterial>, Handle<RopeCrowdMaterial>>,
-    /// In so many frames more, materials are to find out that the buffer is another one.
+    /// Number of frames for which materials are still marked as changed, since the buffer is another one.
     stale_frames: u32,
 }
 

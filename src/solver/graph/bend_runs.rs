@@ -79,10 +79,10 @@ pub(super) struct BendEntry<const N: usize> {
 }
 
 impl<const N: usize> BendEntry<N> {
-    /// Number of places between this and a later bend, if both may be in one run.
+    /// Number of places between this bend and the next, if both may be in one run; `None` of two on the same ends.
     fn hole_before(&self, next: &Self) -> Option<u32> {
         let are_alike = (self.tile, self.owned, self.offsets) == (next.tile, next.owned, next.offsets);
-        are_alike.then(|| next.first - self.first - 1)
+        next.first.checked_sub(self.first + 1).filter(|_| are_alike)
     }
 
     fn ends(&self) -> [u32; N] {
