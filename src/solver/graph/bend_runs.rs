@@ -190,3 +190,24 @@ impl<const N: usize> BendRun<N> {
         self.is_damped |= damping > 0.0;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One run ends and the next begins with bends on the same ends.
+    #[test]
+    fn runs_that_overlap_are_two() {
+        let entry = |(bend, first): (u32, u32)| BendEntry {
+            tile: 0,
+            owned: [true; 3],
+            offsets: [0, 1, 2],
+            first,
+            bend,
+        };
+        let entries: Vec<_> = (0..).zip((0..10).chain(9..19)).map(entry).collect();
+        let (mut list, mut loose) = (BendList::<3>::default(), Vec::new());
+        list.fill(&vec![Bend::default(); entries.len()], &entries, &mut loose, |_, _| ());
+        assert_eq!((list.runs.len(), list.len(), loose.len()), (2, 20, 0));
+    }
+}

@@ -330,22 +330,6 @@ mod tests {
         assert!(in_runs > 9000, "most of 9,850 rods are in runs: {in_runs}");
     }
 
-    /// One run ends and the next begins with bends on the same ends.
-    #[test]
-    fn runs_that_overlap_are_two() {
-        let (mut particles, mut elements) = (Particles::default(), Elements::default());
-        let place = |slot: u32| Vec3::new(slot as f32, (slot * slot % 7) as f32, 0.0);
-        (0..24).for_each(|slot| particles.push(place(slot), Vec3::ZERO, 1.0, 0.0));
-        let rod = Bend { rest_length: 0.0, stiffness: 2.0, damping: 0.0, weights: [1.0, -2.0, 1.0] };
-        for first in (0..10).chain(9..19) {
-            elements.push([first, first + 1, first + 2], rod);
-        }
-        let blocks = Blocks::of(elements.clone(), &particles);
-        assert_eq!(blocks.blocks[0].bends.rods.runs.len(), 2);
-        let (expected, found) = (plain(&particles, &elements), evaluated(&particles, &blocks));
-        (0..24).for_each(|slot| assert!(found.get(slot).distance(expected.get(slot)) < 1e-3, "{slot}"));
-    }
-
     #[test]
     fn every_instruction_set_gives_the_same_bits() {
         let (particles, _, blocks) = net();
