@@ -4,10 +4,11 @@ use bevy::math::Vec3;
 
 use crate::solver::buckets::Buckets;
 use crate::solver::elements::{Exposed, FacePush, FilamentPush, Push};
+use crate::solver::field::AirLoad;
 use crate::solver::gusts::{AirClock, GustField};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors, set};
-use crate::solver::settings::{AirLoad, StepSettings};
+use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
 
 /// Particles, faces or filaments that one task takes.
@@ -33,9 +34,7 @@ pub(super) struct Air {
     gusts: Option<Vectors>,
     faces: Vec<FacePush>,
     filaments: Vec<FilamentPush>,
-    push: Vectors,
-    rate: Vec<f32>,
-    gain: Vec<f32>,
+    load: AirLoad,
 }
 
 impl Air {
@@ -92,13 +91,14 @@ impl Air {
         let any = |slot: usize| !self.faces_at.of(slot).is_empty() || !self.filaments_at.of(slot).is_empty();
         self.chunks.clear();
         self.chunks.extend((0..count).step_by(CHUNK).map(|start| (start..count.min(start + CHUNK)).any(any)));
-        for values in [&mut self.rate, &mut self.gain] {
+        let AirLoad { push, rate, gain } = &mut self.load;
+        for values in [rate, &mut *gain] {
             values.clear();
             values.resize(count, 0.0);
         }
-        self.gain.fill(1.0);
-        self.push.resize(0);
-        self.push.resize(count);
+        gain.fill(1.0);
+        push.resize(0);
+        push.resize(count);
         if let Some(gusts) = &mut self.gusts {
             gusts.resize(0);
         }
@@ -125,8 +125,8 @@ impl Air {
                 *found = FilamentPush::of(filament, &particles.position, density);
             }
         });
-        let (mut push, mut rate, mut gain) =
-            (std::mem::take(&mut self.push), std::mem::take(&mut self.rate), std::mem::take(&mut self.gain));
+        let mut load = std::mem::take(&mut self.load);
+        let AirLoad { push, rate, gain } = &mut load;
         let rates = rate.chunks_mut(CHUNK).zip(gain.chunks_mut(CHUNK));
         let parts = push.chunks_mut(CHUNK).zip(rates).zip(&self.chunks).enumerate();
         parallel::for_each(
@@ -146,7 +146,7 @@ impl Air {
                 }
             },
         );
-        (self.push, self.rate, self.gain) = (push, rate, gain);
+        self.load = load;
     }
 
     /// The velocity of the air at a particle, m/s.
@@ -173,8 +173,7 @@ impl Air {
     }
 
     /// The forces that were derived last; `None`: there are none.
-    pub fn load(&self) -> Option<AirLoad<'_>> {
-        let Self { push, rate, gain, .. } = self;
-        self.is_active.then(|| AirLoad { push: push.axes(), rate, gain })
+    pub fn load(&self) -> Option<&AirLoad> {
+        self.is_active.then_some(&self.load)
     }
 }

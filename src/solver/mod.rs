@@ -38,6 +38,7 @@ mod door;
 mod elements;
 mod energy;
 mod failures;
+mod field;
 mod graph;
 mod gusts;
 mod kernel;

@@ -2,9 +2,8 @@
 
 mod vectors;
 
-use bevy::math::{DVec3, Vec3};
+use bevy::math::Vec3;
 
-use crate::solver::settings::Field;
 use crate::solver::state::Version;
 pub use vectors::Vectors;
 pub(crate) use vectors::{set, split_off};
@@ -257,50 +256,4 @@ impl Particles {
     pub(super) fn added_version(&self) -> Version {
         self.added_version
     }
-
-    /// The velocity of a free particle after `h` seconds without elements, in m/s; see
-    /// [`velocity_after`](Self::velocity_after).
-    pub(super) fn free_velocity(&self, slot: usize, field: Field, h: f64) -> DVec3 {
-        self.velocity_after(slot, self.velocity.get(slot).as_dvec3(), field, h)
-    }
-
-    /// Position and velocity of a free particle after `h` seconds without elements, in m and m/s. The force is constant
-    /// and the drag in proportion to v, so this is exact.
-    pub(super) fn free_motion(&self, slot: usize, field: Field, h: f64) -> [DVec3; 2] {
-        let inverse_mass = f64::from(self.inverse_mass[slot]);
-        let push = field.acceleration(slot) + inverse_mass * self.applied_force.get(slot).as_dvec3();
-        let (position, velocity) = (self.position.get(slot).as_dvec3(), self.velocity.get(slot).as_dvec3());
-        let [decay, mean, double_mean] = decay(h * field.decay_rate(slot, inverse_mass));
-        [position + h * (mean * velocity + h * double_mean * push), decay * velocity + h * mean * push]
-    }
-
-    /// The same if it started with `velocity` v, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m); air adds to
-    /// f and ν.
-    pub(super) fn velocity_after(&self, slot: usize, velocity: DVec3, field: Field, h: f64) -> DVec3 {
-        let inverse_mass = f64::from(self.inverse_mass[slot]);
-        let force = self.applied_force.get(slot).as_dvec3();
-        (velocity + h * (field.acceleration(slot) + inverse_mass * force))
-            / (1.0 + h * field.decay_rate(slot, inverse_mass))
-    }
-}
-
-/// e^−x, its mean ∫ e^−xt dt and ∫ (1 − t) e^−xt dt from 0 to 1, for x >= 0.
-fn decay(x: f64) -> [f64; 3] {
-    if x > 700.0 {
-        let mean = 1.0 / x;
-        return [0.0, mean, (1.0 - mean) * mean];
-    }
-    // The power series of a small argument, which is doubled: without a library's exponential the bits are the same
-    // everywhere.
-    let (mut small, mut doublings) = (x, 0);
-    while small > 0.5 {
-        (small, doublings) = (0.5 * small, doublings + 1);
-    }
-    let double_mean = (2..16).rev().fold(0.0, |sum, term| (1.0 - small * sum) / f64::from(term));
-    let mut mean = 1.0 - small * double_mean;
-    let mut decay = 1.0 - small * mean;
-    for _ in 0..doublings {
-        (mean, decay) = (mean * 0.5 * (1.0 + decay), decay * decay);
-    }
-    [decay, mean, if doublings == 0 { double_mean } else { (1.0 - mean) / x }]
 }

@@ -1,8 +1,6 @@
 //! The parameters of a tick.
 
-use std::ops::Range;
-
-use bevy::math::{DVec3, Vec3};
+use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use bevy::reflect::prelude::ReflectDefault;
 
@@ -248,80 +246,5 @@ impl Default for StepSettings {
             collide_springs: false,
             is_flat: false,
         }
-    }
-}
-
-impl StepSettings {
-    pub(super) fn field(&self) -> Field<'static> {
-        Field { gravity: self.gravity, viscosity: self.viscosity, air: None, gas: None }
-    }
-}
-
-/// What acts on every particle, apart from elements.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Field<'a> {
-    /// Acceleration of gravity, m/s².
-    pub gravity: Vec3,
-    /// Viscosity of the medium ν, N·s/m.
-    pub viscosity: f32,
-    /// The air; `None`: it acts on nothing.
-    pub air: Option<AirLoad<'a>>,
-    /// The forces of gases on the particle in each slot, N, where a scheme evaluates them.
-    pub gas: Option<[&'a [f32]; 3]>,
-}
-
-/// The force b − d v of the air on each particle in a substep, by slot.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct AirLoad<'a> {
-    /// b/m, m/s².
-    pub push: [&'a [f32]; 3],
-    /// d/m, 1/s.
-    pub rate: &'a [f32],
-    /// 1 / (1 + h d/m), with the substep h of explicit schemes.
-    pub gain: &'a [f32],
-}
-
-impl<'a> AirLoad<'a> {
-    /// That on the particles of a range of slots.
-    #[inline(always)]
-    pub fn of(self, slots: Range<usize>) -> Self {
-        let Self { push, rate, gain } = self;
-        Self { push: push.map(|axis| &axis[slots.clone()]), rate: &rate[slots.clone()], gain: &gain[slots] }
-    }
-
-    /// Turns accelerations a without air into (a + (b − d v)/m) / (1 + h d/m) along one axis: after h seconds at these
-    /// the velocity v' is that of (v' − v)/h = a + (b − d v')/m.
-    #[inline(always)]
-    pub fn brake(self, axis: usize, velocity: &[f32], acceleration: &mut [f32]) {
-        let count = acceleration.len();
-        let (push, velocity) = (&self.push[axis][..count], &velocity[..count]);
-        let (rate, gain) = (&self.rate[..count], &self.gain[..count]);
-        for index in 0..count {
-            let drag = push[index] - rate[index] * velocity[index];
-            acceleration[index] = gain[index] * (acceleration[index] + drag);
-        }
-    }
-}
-
-impl Field<'_> {
-    /// The acceleration of the free particle in a slot that does not depend on its motion, user's force apart, m/s².
-    pub fn acceleration(&self, slot: usize) -> DVec3 {
-        let push = self.air.map(|air| Vec3::from(air.push.map(|axis| axis[slot])).as_dvec3());
-        self.gravity.as_dvec3() + push.unwrap_or(DVec3::ZERO)
-    }
-
-    /// How fast the medium and the air stop the particle in a slot, of this inverse mass (1/kg), 1/s.
-    pub fn decay_rate(&self, slot: usize, inverse_mass: f64) -> f64 {
-        f64::from(self.viscosity) * inverse_mass + self.air.map_or(0.0, |air| f64::from(air.rate[slot]))
-    }
-
-    /// The same of one of this mass, as a drag, N·s/m.
-    pub fn drag(&self, slot: usize, mass: f64) -> f64 {
-        f64::from(self.viscosity) + self.air.map_or(0.0, |air| mass * f64::from(air.rate[slot]))
-    }
-
-    /// The inverse mass with which a free particle answers to an impulse within a substep, 1/kg: air brakes it.
-    pub fn mobility(&self, slot: usize, inverse_mass: f64) -> f64 {
-        self.air.map_or(inverse_mass, |air| inverse_mass * f64::from(air.gain[slot]))
     }
 }

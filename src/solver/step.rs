@@ -5,19 +5,19 @@ mod stiff;
 mod stops;
 
 use crate::solver::air::Air;
-use crate::solver::collision::{Collider, ContactCaches, Skin, Substep, Surfaces};
+use crate::solver::collision::{Collider, ContactCaches, Skin, Surfaces};
 use crate::solver::failures::Failures;
+use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Net, Position, Scratch};
-use crate::solver::settings::{Field, Integrator, StepSettings};
+use crate::solver::settings::{Integrator, StepSettings};
 use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
 use crate::solver::state::{State, Version};
 use crate::solver::strain_limit::StrainLimits;
 use stiff::surroundings;
-use stops::resolve_surfaces;
 
 /// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
@@ -89,17 +89,18 @@ pub(crate) fn step(
         part_coincident(&state.elements, &mut state.particles, (settings.gravity, settings.is_flat));
     }
     caches.air.begin_tick(&state.exposed, &state.particles, settings, (state.origin, state.air_clock));
-    caches.contacts.begin_tick(&inputs.colliders, (&state.mesh, &state.elements), settings);
+    let nets = (&state.mesh, &state.elements);
+    let count = state.particles.len();
+    caches.contacts.begin_tick(&mut state.contacts, &inputs.colliders, nets, (settings, count));
     caches.contacts.set_covered(&mut state.contacts, &state.particles, caches.surfaces.covered());
+    let may_touch = caches.contacts.is_active();
     let duration = settings.time_step / plan.substeps as f32;
     for index in 0..plan.substeps {
-        caches.contacts.begin_substep(
-            &state.contacts,
-            &state.particles.position,
-            &inputs.colliders,
-            settings,
-        );
-        caches.surfaces.begin_substep(&state.particles);
+        if may_touch {
+            let State { particles, contacts, .. } = &*state;
+            caches.contacts.begin_substep(contacts, &particles.position, &inputs.colliders, settings);
+            caches.surfaces.begin_substep(particles);
+        }
         if plan.begins_implicit_step(index) {
             caches.course.begin(&state.particles);
         }
@@ -117,29 +118,13 @@ pub(crate) fn step(
             // Contacts see the elements as they will be at the end of the tick, as when they search anew.
             state.elements.ramp_to(1.0);
         }
-        let substep = Substep {
-            elements: &state.elements,
-            colliders: &inputs.colliders,
-            skins: &inputs.skins,
-            acceleration: &caches.scratch.acceleration,
-            settings,
-            integrator: plan.integrator,
-            duration,
-            elapsed,
-        };
-        let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
-        caches.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
-        let parts = (&caches.contacts, &mut caches.surfaces);
-        let have_touched = resolve_surfaces(parts, &mut state.particles, substep, records);
-        if caches.contacts.have_moved() {
-            caches.scratch.disturb();
-            if !state.pulls.is_empty() {
-                caches.contacts.for_each_touching(|slot| state.pulls.touch(slot));
-            }
-        }
+        let have_touched = may_touch
+            && caches.resolve_contacts(state, inputs, outputs, (settings, plan), [duration, elapsed]);
         caches.limit_strains(state, duration, elapsed);
-        let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
-        caches.stop_crossings(state, inputs, (settings, duration), (step, have_touched));
+        if may_touch {
+            let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
+            caches.stop_crossings(state, inputs, (settings, duration), (step, have_touched));
+        }
         caches.fail(state, outputs, plan, (index, duration));
     }
     caches.end_tick(state, plan);
@@ -148,7 +133,7 @@ pub(crate) fn step(
     if settings.sleep.is_some() {
         let Caches { sleep, contacts, air, implicit_euler, .. } = caches;
         let touching = if plan.is_implicit() { implicit_euler.touching() } else { &[] };
-        let field = Field { air: air.load(), ..settings.field() };
+        let field = Field::of(settings, air.load());
         sleep.end_tick(sleepers(state), around, (contacts, touching), (settings, field));
     }
     state.air_clock.advance(settings.wind, settings.time_step);
@@ -356,7 +341,7 @@ impl Caches {
             self.advance_stiff(state, inputs, settings, (position, step_end));
         }
         let State { particles, elements, contacts, pulls, .. } = state;
-        let field = Field { air: self.air.load(), ..settings.field() };
+        let field = Field::of(settings, self.air.load());
         let surroundings = surroundings((&self.contacts, contacts), inputs, settings, step_end);
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, surfaces, .. } = self;
         if has_ramps {

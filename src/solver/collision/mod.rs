@@ -83,6 +83,7 @@ const RECOVERY_RATE: f32 = 10.0;
 /// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one gives the same.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ContactCaches {
+    is_active: bool,
     candidates: Candidates,
     pair_contacts: PairContacts,
     plane_contacts: Vec<PlaneContact>,
@@ -141,30 +142,9 @@ impl Substep<'_> {
 }
 
 impl ContactCaches {
-    /// Touching pairs at the end of the last substep: of particles and of particles with planes.
-    pub fn count(&self) -> usize {
-        self.pair_count() + self.plane_contacts.len() + self.touches.all.len()
-    }
-
-    /// Calls `visit` with the slots of the particles that touched something in the last substep, of some more than
-    /// once.
-    pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
-        self.plane_contacts.iter().for_each(|contact| visit(contact.slot));
-        for touch in &self.touches.all {
-            touch.slots[..touch.count as usize].iter().for_each(|slot| visit(*slot as usize));
-        }
-        let slot_of = &self.candidates.regions.slot_of;
-        for group in self.candidates.groups.iter() {
-            for contact in self.pair_contacts.of(group) {
-                for body in [contact.first(), contact.second()] {
-                    visit(slot_of[group.bodies.start + body] as usize);
-                }
-            }
-        }
-    }
-
-    fn pair_count(&self) -> usize {
-        self.candidates.groups.contacts()
+    /// Whether anything may touch in this tick.
+    pub fn is_active(&self) -> bool {
+        self.is_active
     }
 
     /// Takes note of the particles that are no spheres of their own: see [`Surfaces::covered`].

@@ -31,6 +31,32 @@ pub enum ContactPartner {
 }
 
 impl ContactCaches {
+    /// Touching pairs at the end of the last substep: of particles and of particles with planes.
+    pub fn count(&self) -> usize {
+        self.pair_count() + self.plane_contacts.len() + self.touches.all.len()
+    }
+
+    /// Calls `visit` with the slots of the particles that touched something in the last substep, of some more than
+    /// once.
+    pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
+        self.plane_contacts.iter().for_each(|contact| visit(contact.slot));
+        for touch in &self.touches.all {
+            touch.slots[..touch.count as usize].iter().for_each(|slot| visit(*slot as usize));
+        }
+        let slot_of = &self.candidates.regions.slot_of;
+        for group in self.candidates.groups.iter() {
+            for contact in self.pair_contacts.of(group) {
+                for body in [contact.first(), contact.second()] {
+                    visit(slot_of[group.bodies.start + body] as usize);
+                }
+            }
+        }
+    }
+
+    pub(super) fn pair_count(&self) -> usize {
+        self.candidates.groups.contacts()
+    }
+
     /// Appends the contacts of the last substep.
     pub(super) fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {
         for contact in &self.plane_contacts {

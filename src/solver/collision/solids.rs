@@ -6,7 +6,7 @@ use super::features::Feature;
 use super::guard::Around;
 use super::material::Skin;
 use super::touch_search::Search;
-use super::{ContactCaches, Substep};
+use super::{ContactCaches, ContactMemory, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::StepSettings;
@@ -16,17 +16,31 @@ impl ContactCaches {
     /// To be called when a tick begins.
     pub fn begin_tick(
         &mut self,
+        memory: &mut ContactMemory,
         colliders: &[Collider],
         (mesh, elements): (&CollisionMesh, &Elements),
-        settings: &StepSettings,
+        (settings, particle_count): (&StepSettings, usize),
     ) {
         let colliders = if settings.collide_with_colliders { colliders } else { &[] };
+        self.is_active = settings.pair_rules.is_some() || !colliders.is_empty();
+        if !self.is_active {
+            self.clear(memory, particle_count);
+        }
         self.placed.begin_tick(colliders, settings.time_step);
         if !self.placed.is_empty() {
             self.features.refresh(mesh, elements, settings.collide_springs);
             self.feature_search.begin_tick();
             self.guard.begin_tick();
         }
+    }
+
+    /// Forgets all contacts.
+    fn clear(&mut self, memory: &mut ContactMemory, particle_count: usize) {
+        self.candidates.disable(memory, particle_count);
+        self.plane_contacts.clear();
+        self.surfaces.clear();
+        self.touches.clear();
+        self.have_moved = false;
     }
 
     /// What of nets collides between particles, and its version.

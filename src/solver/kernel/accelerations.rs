@@ -5,8 +5,8 @@ use bevy::math::Vec3;
 use super::bends::AddBends;
 use super::{Motion, in_vectors, run};
 use crate::solver::elements::{Bend, Element, Spring, for_each_kind};
+use crate::solver::field::Field;
 use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
-use crate::solver::settings::Field;
 
 /// Springs computed before their forces are added: enough that the additions do not wait for the
 /// stores of those before.
@@ -22,7 +22,7 @@ macro_rules! define_add_loose {
     ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {
         /// Adds the forces of the loose elements of all kinds.
         #[inline(always)]
-        fn add_all_loose(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3]) {
+        fn add_all_loose(block: &Block, motion: &Motion, force: &mut [&mut [f32]; 3]) {
             $($(#[$meta])* add_loose::<$element, $ends>(&block.loose.$kind, motion, force, block.slots.start);)*
         }
     };
@@ -33,8 +33,8 @@ for_each_kind!(define_add_loose);
 #[inline(always)]
 pub(super) fn block_accelerations(
     block: &Block,
-    motion: Motion,
-    field: Field,
+    motion: &Motion,
+    field: &Field,
     acceleration: &mut [&mut [f32]; 3],
 ) {
     let [x, y, z] = acceleration;
@@ -54,7 +54,7 @@ pub(super) fn block_accelerations(
         }
     }
     if let Some(gas) = field.gas {
-        for (force, gas) in force.iter_mut().zip(gas) {
+        for (force, gas) in force.iter_mut().zip(gas.axes()) {
             force.iter_mut().zip(&gas[range.clone()]).for_each(|(force, gas)| *force += gas);
         }
     }
@@ -76,15 +76,14 @@ pub(super) fn block_accelerations(
         }
     }
     if let Some(air) = field.air {
-        let air = air.of(range.clone());
         for (axis, acceleration) in force.iter_mut().enumerate() {
-            air.brake(axis, &motion.velocity[axis][range.clone()], acceleration);
+            air.brake(axis, range.start, &motion.velocity[axis][range.clone()], acceleration);
         }
     }
 }
 
 #[inline(always)]
-fn add_runs(block: &Block, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
+fn add_runs(block: &Block, motion: &Motion, force: &mut [&mut [f32]; 3], start: usize) {
     let mut forces = Forces([[0.0; LANES + CHUNK + LANES + LANES]; 3]);
     for run in &block.runs {
         let count = run.count as usize;
@@ -160,7 +159,7 @@ fn run_forces<const TENSION_ONLY: bool>(
     run: &Run,
     done: usize,
     chunk: usize,
-    motion: Motion,
+    motion: &Motion,
     forces: &mut Forces,
 ) {
     let lanes = |array: &'_ [f32], at: usize| -> [f32; LANES] {
@@ -220,7 +219,7 @@ fn run_forces<const TENSION_ONLY: bool>(
 #[inline(always)]
 fn add_loose<E: Element<N>, const N: usize>(
     loose: &[Loose<E, N>],
-    motion: Motion,
+    motion: &Motion,
     force: &mut [&mut [f32]; 3],
     start: usize,
 ) {

@@ -26,7 +26,7 @@ struct Buffers {
 /// forces.
 pub(super) struct AddBends<'a, 'b> {
     pub block: &'a Block,
-    pub motion: Motion<'a>,
+    pub motion: &'a Motion<'a>,
     pub force: &'a mut [&'b mut [f32]; 3],
 }
 
@@ -55,7 +55,7 @@ macro_rules! define_add_bends {
 for_each_bend!(define_add_bends);
 
 #[inline(always)]
-fn add_bends<const N: usize>(list: &BendList<N>, motion: Motion, force: &mut [&mut [f32]; 3], start: usize) {
+fn add_bends<const N: usize>(list: &BendList<N>, motion: &Motion, force: &mut [&mut [f32]; 3], start: usize) {
     if list.runs.is_empty() {
         return;
     }
@@ -93,7 +93,7 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     list: &BendList<N>,
     run: &BendRun<N>,
     (done, chunk): (usize, usize),
-    motion: Motion,
+    motion: &Motion,
     Buffers { pulls, rates }: &mut Buffers,
 ) {
     if let (false, false, Some([stiffness, _])) = (CURVED, DAMPED, run.material) {

@@ -9,11 +9,11 @@ mod accelerations;
 mod bends;
 mod in_air;
 
+use crate::solver::field::Field;
 use crate::solver::graph::Blocks;
 use crate::solver::graph::block::{Block, MIN_RUN};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::settings::Field;
 use accelerations::block_accelerations;
 pub(super) use in_air::{CorrectInAir, PredictInAir};
 
@@ -35,8 +35,8 @@ pub(super) struct Moved<'a> {
 /// Writes the accelerations of the particles of one block.
 pub(super) struct Accelerate<'a> {
     pub block: &'a Block,
-    pub motion: Motion<'a>,
-    pub field: Field<'a>,
+    pub motion: &'a Motion<'a>,
+    pub field: &'a Field<'a>,
     pub acceleration: [&'a mut [f32]; 3],
 }
 
@@ -108,7 +108,7 @@ impl<'a> Motion<'a> {
 pub(super) fn evaluate(motion: Motion, blocks: &Blocks, field: Field, acceleration: &mut Vectors) {
     let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut()));
     parallel::for_each(parts, blocks.are_worth_sharing(), |(block, acceleration)| {
-        run(Accelerate { block, motion, field, acceleration });
+        run(Accelerate { block, motion: &motion, field: &field, acceleration });
     });
 }
 
@@ -337,7 +337,7 @@ mod tests {
         portable.resize(particles.len());
         let motion = Motion::of(&particles);
         for (block, acceleration) in blocks.blocks.iter().zip(blocks.split(portable.axes_mut())) {
-            Accelerate { block, motion, field: FIELD, acceleration }.with_simd(pulp::Scalar::new());
+            Accelerate { block, motion: &motion, field: &FIELD, acceleration }.with_simd(pulp::Scalar::new());
         }
         assert_eq!(evaluated(&particles, &blocks), portable);
         // Bends are work of their own.
@@ -345,7 +345,7 @@ mod tests {
         for (forces, is_portable) in forces.iter_mut().zip([true, false]) {
             forces.resize(particles.len());
             for (block, mut force) in blocks.blocks.iter().zip(blocks.split(forces.axes_mut())) {
-                let work = bends::AddBends { block, motion, force: &mut force };
+                let work = bends::AddBends { block, motion: &motion, force: &mut force };
                 if is_portable { work.with_simd(pulp::Scalar::new()) } else { run(work) }
             }
         }

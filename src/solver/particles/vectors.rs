@@ -17,6 +17,21 @@ pub struct Vectors {
     pub z: Vec<f32>,
 }
 
+struct ClearNegligible<'a>([&'a mut [f32]; 3]);
+
+impl pulp::WithSimd for ClearNegligible<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        for axis in self.0 {
+            for value in axis {
+                *value = if value.abs() < NEGLIGIBLE { 0.0 } else { *value };
+            }
+        }
+    }
+}
+
 impl Vectors {
     /// The number of vectors.
     pub fn len(&self) -> usize {
@@ -53,7 +68,11 @@ impl Vectors {
     }
 
     /// Makes it `count` vectors; new ones are zero.
+    #[inline]
     pub fn resize(&mut self, count: usize) {
+        if self.len() == count {
+            return;
+        }
         for axis in self.axes_vec() {
             axis.resize(count, 0.0);
         }
@@ -69,11 +88,7 @@ impl Vectors {
     /// Clears negligible components: what decays would end as subnormal numbers, for which processors take ten
     /// times as long.
     pub(in crate::solver) fn clear_negligible(&mut self) {
-        for axis in self.axes_mut() {
-            for value in axis {
-                *value = if value.abs() < NEGLIGIBLE { 0.0 } else { *value };
-            }
-        }
+        pulp::Arch::new().dispatch(ClearNegligible(self.axes_mut()));
     }
 
     /// Becomes a copy of `other`, without allocating if it is large enough already.

@@ -3,8 +3,8 @@
 use bevy::math::{DVec3, Vec3};
 
 use crate::solver::elements::Gases;
+use crate::solver::field::Field;
 use crate::solver::particles::Vectors;
-use crate::solver::settings::Field;
 use crate::solver::state::Version;
 
 /// The force on the particle in each slot, N: working memory.
@@ -18,10 +18,17 @@ pub(super) struct GasForces {
 
 impl GasForces {
     /// The field with the forces of the gases at these positions.
+    #[inline]
     pub fn evaluate<'a>(&'a mut self, gases: &Gases, position: &Vectors, field: Field<'a>) -> Field<'a> {
         if !gases.any_act() {
             return field;
         }
+        self.sum(gases, position);
+        Field { gas: Some(&self.force), ..field }
+    }
+
+    /// Sums the forces of the gases at these positions.
+    fn sum(&mut self, gases: &Gases, position: &Vectors) {
         let Self { force, gradient, key } = self;
         if *key != gases.version() || force.len() != position.len() {
             *key = gases.version();
@@ -48,6 +55,5 @@ impl GasForces {
                 force.set(slot, rounded);
             }
         }
-        Field { gas: Some(force.axes()), ..field }
     }
 }

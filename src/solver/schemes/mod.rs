@@ -16,11 +16,12 @@ mod xpbd;
 
 use crate::solver::collision::{Surfaces, Surroundings};
 use crate::solver::elements::Elements;
+use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring};
 use crate::solver::kernel::{self, Motion};
 use crate::solver::particles::{Particles, PinnedMotions, Vectors};
 use crate::solver::pulls::Pulls;
-use crate::solver::settings::{Field, Integrator};
+use crate::solver::settings::Integrator;
 pub(super) use implicit_euler::{Course, ImplicitEuler, Remedy};
 pub(super) use interleaved::{Interleaved, Position};
 

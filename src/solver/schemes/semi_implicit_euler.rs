@@ -20,7 +20,7 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let written = blocks.split(acceleration.axes_mut()).zip(moved);
     let parts = blocks.blocks.iter().zip(written);
     parallel::for_each(parts, blocks.are_worth_sharing(), |(block, (acceleration, (position, velocity)))| {
-        let accelerate = Accelerate { block, motion, field, acceleration };
+        let accelerate = Accelerate { block, motion: &motion, field: &field, acceleration };
         kernel::run(&mut Advance { accelerate, substep, moved: Moved { position, velocity } });
     });
     std::mem::swap(&mut particles.position, &mut scratch.position);

@@ -69,7 +69,7 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(written);
     parallel::for_each(parts, is_shared, |((block, predicted_acceleration), (acceleration, velocity))| {
         let predicted_acceleration = predicted_acceleration.map(|axis| &*axis);
-        let accelerate = Accelerate { block, motion, field, acceleration };
+        let accelerate = Accelerate { block, motion: &motion, field: &field, acceleration };
         kernel::run(Correct { accelerate, predicted_acceleration, substep, velocity });
     });
     std::mem::swap(&mut particles.velocity, other_velocity);

@@ -11,10 +11,10 @@
 
 use super::Stage;
 use super::velocity_verlet::Carried;
+use crate::solver::field::{AirLoad, Field};
 use crate::solver::kernel::{self, Accelerate, CorrectInAir, Motion, PredictInAir};
 use crate::solver::parallel;
 use crate::solver::particles::Vectors as Arrays;
-use crate::solver::settings::{AirLoad, Field};
 
 /// What it keeps besides what the scheme in vacuum does.
 #[derive(Debug, Clone, Default)]
@@ -25,7 +25,7 @@ pub(super) struct Vectors {
     corrected: Arrays,
 }
 
-pub(super) fn advance(stage: &mut Stage, air: AirLoad, substep: f32) {
+pub(super) fn advance(stage: &mut Stage, air: &AirLoad, substep: f32) {
     let field = Field { air: None, ..stage.field };
     let Stage { particles, blocks, elements, acceleration, scratch, gas, .. } = stage;
     let Vectors { vacuum, corrected } = &mut scratch.air;
@@ -49,8 +49,8 @@ pub(super) fn advance(stage: &mut Stage, air: AirLoad, substep: f32) {
     let written = moved.zip(blocks.split(acceleration.axes_mut()));
     let parts = blocks.blocks.iter().zip(blocks.split(vacuum.axes_mut())).zip(written);
     parallel::for_each(parts, is_shared, |((block, vacuum), ((position, velocity), acceleration))| {
-        let (air, vacuum) = (air.of(block.slots.clone()), vacuum.map(|axis| &*axis));
-        kernel::run(PredictInAir { air, position, velocity, vacuum, acceleration, substep });
+        let (start, vacuum) = (block.slots.start, vacuum.map(|axis| &*axis));
+        kernel::run(PredictInAir { air, start, position, velocity, vacuum, acceleration, substep });
     });
 
     // The next substep may have to evaluate a' again, with the pinned where they are then, to the bit.
@@ -64,8 +64,7 @@ pub(super) fn advance(stage: &mut Stage, air: AirLoad, substep: f32) {
     let written = blocks.split(acceleration.axes_mut()).zip(blocks.split(predicted.axes_mut()));
     let parts = blocks.blocks.iter().zip(blocks.split(vacuum.axes_mut())).zip(written);
     parallel::for_each(parts, is_shared, |((block, vacuum), (acceleration, velocity))| {
-        let air = air.of(block.slots.clone());
-        let accelerate = Accelerate { block, motion, field, acceleration: vacuum };
+        let accelerate = Accelerate { block, motion: &motion, field: &field, acceleration: vacuum };
         kernel::run(CorrectInAir { accelerate, air, acceleration, substep, velocity });
     });
     std::mem::swap(&mut particles.velocity, predicted);

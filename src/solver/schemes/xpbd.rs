@@ -22,10 +22,10 @@ use bevy::math::{DVec3, Vec3};
 
 use super::Net;
 use crate::solver::elements::{Elements, Gases};
+use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Linked};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors, set};
-use crate::solver::settings::Field;
 
 /// The particles in f64, one entry a slot: working memory.
 #[derive(Debug, Clone, Default)]
@@ -141,7 +141,7 @@ impl Piece<'_> {
                 continue;
             }
             self.start[place] = particles.position.get(slot).as_dvec3();
-            self.velocity[place] = particles.free_velocity(slot, field, h);
+            self.velocity[place] = field.free_velocity(particles, slot, h);
             self.position[place] = self.start[place] + h * self.velocity[place];
         }
     }

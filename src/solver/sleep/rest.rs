@@ -3,8 +3,9 @@
 use bevy::math::DVec3;
 
 use crate::solver::collision::{ContactCaches, ContactPartner, ContactRecord};
+use crate::solver::field::Field;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::settings::{Field, Sleep, StepSettings};
+use crate::solver::settings::{Sleep, StepSettings};
 use crate::solver::state::Version;
 
 use super::memory::SleepMemory;

@@ -2,8 +2,9 @@
 
 use super::{Caches, Inputs};
 use crate::solver::collision::{ContactCaches, ContactMemory, Surroundings};
+use crate::solver::field::Field;
 use crate::solver::schemes::Position;
-use crate::solver::settings::{Field, StepSettings};
+use crate::solver::settings::StepSettings;
 use crate::solver::state::State;
 
 /// What a step has around it that ends when this part of the tick has `elapsed`.
@@ -46,7 +47,7 @@ impl Caches {
         }
         self.interleaved.begin_step(particles);
         let duration = position.count as f32 * position.substep;
-        let field = Field { air: self.air.load(), ..settings.field() };
+        let field = Field::of(settings, self.air.load());
         let surroundings = surroundings((&self.contacts, contacts), inputs, settings, elapsed);
         let around = (surroundings, &mut self.surfaces);
         let acceleration = &mut self.scratch.acceleration;

@@ -1,11 +1,14 @@
-//! The end of a substep: contacts of surfaces are solved, and nothing has passed through anything.
+//! The end of a substep in which anything may touch: contacts are solved, and nothing has passed through anything.
 
 use super::stiff::surroundings;
 use super::{Caches, Inputs};
 use crate::solver::collision::{ContactCaches, ContactRecord, Substep, Surfaces};
+use crate::solver::field::Field;
+use crate::solver::outputs::Outputs;
 use crate::solver::particles::Particles;
 use crate::solver::schemes::Remedy;
-use crate::solver::settings::{Field, StepSettings};
+use crate::solver::settings::StepSettings;
+use crate::solver::stability::Plan;
 use crate::solver::state::State;
 
 /// Number of times, at most, that what would pass through something is stopped at colliders and at surfaces in turn.
@@ -20,7 +23,7 @@ const MAX_SURFACE_ROUNDS: u32 = 8;
 
 /// Solves the contacts of surfaces, in turn with those of half-spaces; whether there are any. What is squeezed between a
 /// half-space and others ends above it.
-pub(super) fn resolve_surfaces(
+fn resolve_surfaces(
     (contacts, surfaces): (&ContactCaches, &mut Surfaces),
     particles: &mut Particles,
     substep: Substep,
@@ -41,6 +44,39 @@ pub(super) fn resolve_surfaces(
 }
 
 impl Caches {
+    /// Solves all contacts at the end of a substep, which is of the first of `times`, s, and ends when the second part of the tick
+    /// has elapsed; whether those of surfaces have moved anything.
+    pub(super) fn resolve_contacts(
+        &mut self,
+        state: &mut State,
+        inputs: &Inputs,
+        outputs: &mut Outputs,
+        (settings, plan): (&StepSettings, Plan),
+        [duration, elapsed]: [f32; 2],
+    ) -> bool {
+        let substep = Substep {
+            elements: &state.elements,
+            colliders: &inputs.colliders,
+            skins: &inputs.skins,
+            acceleration: &self.scratch.acceleration,
+            settings,
+            integrator: plan.integrator,
+            duration,
+            elapsed,
+        };
+        let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
+        self.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
+        let parts = (&self.contacts, &mut self.surfaces);
+        let have_touched = resolve_surfaces(parts, &mut state.particles, substep, records);
+        if self.contacts.have_moved() {
+            self.scratch.disturb();
+            if !state.pulls.is_empty() {
+                self.contacts.for_each_touching(|slot| state.pulls.touch(slot));
+            }
+        }
+        have_touched
+    }
+
     /// Stops what would pass through something in a substep of `duration` seconds; `have_touched` says whether surfaces have. An
     /// implicit `step`, which ends here, is mended where that gives an island energy: its duration, s, and the part of the tick that
     /// has elapsed at its end.
@@ -110,7 +146,7 @@ impl Caches {
         stopped.resize(particles.len(), false);
         surfaces.for_each_touching(|slot| stopped[slot] = true);
         contacts.stopped_at_colliders().iter().for_each(|slot| stopped[*slot as usize] = true);
-        let field = Field { air: air.load(), ..settings.field() };
+        let field = Field::of(settings, air.load());
         let surroundings = surroundings((contacts, memory), inputs, settings, elapsed);
         let parts = (particles, &mut scratch.acceleration);
         let step = (&*elements, field, h, surroundings);

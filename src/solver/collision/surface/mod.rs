@@ -99,6 +99,11 @@ impl Surfaces {
             self.search.reset();
         }
         self.is_active = any && self.primitives.any;
+        if !self.is_active {
+            self.contacts.clear();
+            self.bodies.clear();
+            self.advance.clear();
+        }
     }
 
     /// Whether the particle in each slot is no sphere of its own; empty if all are.

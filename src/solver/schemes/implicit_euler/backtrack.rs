@@ -13,8 +13,8 @@ use super::tr_bdf2::{Motion, energy};
 use super::{ImplicitEuler, Island, Step, write};
 use crate::solver::collision::Surroundings;
 use crate::solver::elements::Elements;
+use crate::solver::field::Field;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::settings::Field;
 
 /// Below this part of its way an island stays where it was.
 const LEAST_PART: f32 = 1e-3;

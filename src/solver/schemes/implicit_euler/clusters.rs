@@ -143,7 +143,7 @@ impl Clusters {
             let to = match advanced.binary_search(&(slot as u32)) {
                 Ok(_) => particles.position.get(slot),
                 Err(_) => {
-                    let velocity = particles.free_velocity(slot, step.field, step.h);
+                    let velocity = step.field.free_velocity(particles, slot, step.h);
                     (from.as_dvec3() + step.h * velocity).as_vec3()
                 }
             };

@@ -41,10 +41,10 @@ use bevy::math::{DVec3, Vec3};
 
 use crate::solver::collision::{ContactRecord, Obstacles, StiffContact, StiffPair, Surfaces, Surroundings};
 use crate::solver::elements::Elements;
+use crate::solver::field::Field;
 use crate::solver::graph::{Elimination, IslandSet, Islands, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
-use crate::solver::settings::Field;
 use crate::solver::state::Version;
 pub(in crate::solver) use backtrack::{Course, Remedy};
 use clusters::Clusters;
@@ -206,9 +206,9 @@ impl ImplicitEuler {
                 continue;
             }
             let motion = match &pulls {
-                Some(_) => particles.free_motion(slot, field, h),
+                Some(_) => field.free_motion(particles, slot, h),
                 None => {
-                    let velocity = particles.free_velocity(slot, field, h);
+                    let velocity = field.free_velocity(particles, slot, h);
                     [particles.position.get(slot).as_dvec3() + h * velocity, velocity]
                 }
             };

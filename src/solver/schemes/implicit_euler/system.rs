@@ -13,9 +13,9 @@ use super::gas::{self, GasTerms};
 use super::linearised::Linearised;
 use super::wide::Wide;
 use crate::solver::elements::{Elements, MAX_ENDS};
+use crate::solver::field::Field;
 use crate::solver::graph::{Elimination, Linked};
 use crate::solver::particles::Particles;
-use crate::solver::settings::Field;
 
 /// Components of corrections below this are cleared, m.
 const NEGLIGIBLE: f64 = 1e-60;
@@ -131,7 +131,7 @@ impl System {
             if node < elimination.free {
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
                 self.inertia[node] = mass / (h * h) + field.drag(slot, mass) / h;
-                self.flight[node] = start + h * particles.free_velocity(slot, field, h);
+                self.flight[node] = start + h * field.free_velocity(particles, slot, h);
             }
         }
         self.gases.begin(elimination, elements);

@@ -37,10 +37,10 @@ use super::system::{Compound, System, combine};
 use super::write;
 use crate::solver::collision::{Obstacles, Surroundings};
 use crate::solver::elements::Elements;
+use crate::solver::field::Field;
 use crate::solver::graph::Elimination;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::{Knowledge, Pulls};
-use crate::solver::settings::Field;
 
 /// s/h = 1 − 1/√2.
 pub(super) const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
@@ -270,7 +270,7 @@ impl Stages {
                 let slot = elimination.slots[node] as usize;
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
                 system.inertia[node] = mass / (s * s) + field.drag(slot, mass) / s;
-                system.flight[node] = position + s * particles.velocity_after(slot, velocity, field, s);
+                system.flight[node] = position + s * field.velocity_after(particles, slot, velocity, s);
             }
         }
     }
