@@ -113,46 +113,18 @@ impl Chain {
         let [from_x, from_y, from_z] = origins.axes();
         let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
         // Numbers as wide as coordinates: the compiler makes vectors of them. 0 of NaN.
-        let is_inside = |[x, y, z]: [f32; 3]| {
-            let inside =
-                |value: f32, axis: usize| u32::from(value >= least[axis]) & u32::from(value <= most[axis]);
-            inside(x, 0) & inside(y, 1) & inside(z, 2)
+        let is_inside = |place: usize| {
+            let inside = |x: f32, axis: usize| u32::from(x >= least[axis]) & u32::from(x <= most[axis]);
+            inside(x[place], 0) & inside(y[place], 1) & inside(z[place], 2)
         };
-        let is_within = |changes: [f32; 3]| {
-            let [x, y, z] = changes;
-            u32::from(x * x + y * y + z * z <= limit)
-        };
-        let last = count - 1;
-        let (mut inside, mut within) = (is_inside([x[last], y[last], z[last]]), 1);
-        if count <= LANES {
-            for place in 0..last {
-                inside &= is_inside([x[place], y[place], z[place]]);
-                within &= is_within([
-                    (x[place + 1] - x[place]) - (from_x[place + 1] - from_x[place]),
-                    (y[place + 1] - y[place]) - (from_y[place + 1] - from_y[place]),
-                    (z[place + 1] - z[place]) - (from_z[place + 1] - from_z[place]),
-                ]);
-            }
-            return [inside == 1, within == 1];
-        }
-        let (mut all_inside, mut all_within) = ([1; LANES], [1; LANES]);
-        for first in (0..last).step_by(LANES) {
-            // The last ones overlap those before.
-            let at = first.min(last - LANES);
-            let (x, y, z) = (row_of(x, at), row_of(y, at), row_of(z, at));
-            let (from_x, from_y, from_z) = (row_of(from_x, at), row_of(from_y, at), row_of(from_z, at));
-            for lane in 0..LANES {
-                all_inside[lane] &= is_inside([x[lane], y[lane], z[lane]]);
-                all_within[lane] &= is_within([
-                    (x[lane + 1] - x[lane]) - (from_x[lane + 1] - from_x[lane]),
-                    (y[lane + 1] - y[lane]) - (from_y[lane + 1] - from_y[lane]),
-                    (z[lane + 1] - z[lane]) - (from_z[lane + 1] - from_z[lane]),
-                ]);
-            }
-        }
-        for lane in 0..LANES {
-            inside &= all_inside[lane];
-            within &= all_within[lane];
+        let (mut inside, mut within) = (is_inside(0), 1);
+        for place in 1..count {
+            inside &= is_inside(place);
+            let change_x = (x[place] - x[place - 1]) - (from_x[place] - from_x[place - 1]);
+            let change_y = (y[place] - y[place - 1]) - (from_y[place] - from_y[place - 1]);
+            let change_z = (z[place] - z[place - 1]) - (from_z[place] - from_z[place - 1]);
+            let change_squared = change_x * change_x + change_y * change_y + change_z * change_z;
+            within &= u32::from(change_squared <= limit);
         }
         [inside == 1, within == 1]
     }
@@ -208,12 +180,6 @@ impl Chain {
         self.most = most[0] + (most[1].max(Vec3::ZERO) + change) * duration;
         self.margin = 2.0 * (along + across + gravity * substep) * substep;
     }
-}
-
-/// A vector of numbers from `at`, and the one after its last.
-#[inline(always)]
-fn row_of(axis: &[f32], at: usize) -> &[f32; LANES + 1] {
-    axis[at..at + LANES + 1].first_chunk().unwrap_or(&[f32::NAN; LANES + 1])
 }
 
 /// Finds the least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide, m.
