@@ -394,7 +394,7 @@ impl ContactCaches {
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-            touches.all.iter().for_each(|touch| touch.solve_position(bodies, substep));
+            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep));
         }
     }
 }

@@ -15,7 +15,7 @@ use super::collider::{Collider, Placed};
 use super::material::{Skin, skin_of};
 use super::response::{Approach, Rebound};
 use super::shapes::{Bounds, Nearest, Vicinity};
-use super::touch::Touch;
+use super::touch::{Given, Touch};
 
 /// Number of consecutive particles that are looked for together.
 const CHUNK: usize = 32;
@@ -387,6 +387,7 @@ impl Search<'_> {
             friction,
             mass: 1.0 / self.particles.inverse_mass()[slot],
             impulse: 0.0,
+            given: Given::default(),
         }
     }
 }
