@@ -8,11 +8,11 @@
 //! the points of both move by (it is Lipschitz continuous of constant 1 in each). Only where that is used up the distance is
 //! computed anew.
 //!
-//! What touches, or is nearer than a few hundredths of a millimetre, keeps the point and the plane that were found there, its
-//! *anchor*, and touches where that point is below that plane, until it has moved by as much again: which point of a feature is
-//! the deepest and how the surface is turned there differ by no more than that way, and the gap by its square. So what rests is
-//! held in each substep, at the same point. Were it left alone while it is a little apart, it would fall, be pushed out, and
-//! keep the springs that press it against the collider vibrating.
+//! What touches, or nearly, keeps the point and the plane that were found there, its *anchor*, and touches where that point is
+//! below that plane, until it has moved by a thousandth of its radius: another point is deeper by then, and the surface is turned
+//! there, by no more than the square of that way over the sizes of both. So what rests is held in each substep, at the same point.
+//! Were it left alone while it is a little apart, it would fall, be pushed out, and keep the springs vibrating that press it
+//! against the collider.
 
 use bevy::math::{DVec3, Vec3, Vec3A};
 
@@ -40,9 +40,12 @@ const MARGIN_IN_WAYS: f32 = 8.0;
 const MARGIN_IN_RADII: f32 = 0.5;
 
 /// What touched nothing between its corners when it was looked at may come this deep before it is looked at again, as a part
-/// of its radius, and m: what lies flat on something costs nothing more than its corners. An anchor holds for as long a way.
+/// of its radius, and m: what lies flat on something costs nothing more than its corners.
 const UNSEEN_IN_RADII: f64 = 0.005;
 const UNSEEN: f64 = 2e-5;
+
+/// The way for which an anchor holds, as a part of the radius.
+const HELD_IN_RADII: f64 = 0.001;
 
 /// The search: a cache within a tick.
 #[derive(Debug, Clone, Default)]
@@ -137,14 +140,14 @@ impl FeatureSearch {
         let (margin, ways) = (self.margin, [&self.ways[..], &self.collider_ways[..]]);
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(features.len().div_ceil(size), Part::default);
-        let parts = self.parts.iter_mut().zip(features.chunks(size));
+        let parts = self.parts.iter_mut().zip(features.chunks(size)).zip((0..).step_by(size));
         let Search { colliders, placed, skins, previous, particles, .. } = search;
         let surroundings = Surroundings { colliders, placed, skins, previous };
-        parallel::for_each(parts, features.len() >= MIN_SHARED, |(part, features)| {
+        parallel::for_each(parts, features.len() >= MIN_SHARED, |((part, features), first)| {
             if is_stale {
                 part.list(surroundings, particles, features, margin);
             }
-            part.find(search, features, ways);
+            part.find(search, (features, first), ways);
         });
         self.parts.iter_mut().for_each(|part| touches.append(&mut part.touches));
     }
@@ -236,7 +239,12 @@ impl Part {
     }
 
     /// Looks at the pairs whose clearance is used up, and finds those that touch.
-    fn find(&mut self, search: Search, features: &[Feature], [ways, collider_ways]: [&[f32]; 2]) {
+    fn find(
+        &mut self,
+        search: Search,
+        (features, first): (&[Feature], u32),
+        [ways, collider_ways]: [&[f32]; 2],
+    ) {
         let Self { pairs, anchors, touches, .. } = self;
         for pair in pairs {
             let feature = &features[pair.feature as usize];
@@ -251,15 +259,16 @@ impl Part {
                 continue;
             }
             let place = pair.place as usize;
+            let key = first + pair.feature;
             if is_known {
-                touches.extend(search.touch_at(feature, place, &anchors[pair.anchor as usize]));
+                touches.extend(search.touch_at((feature, key), place, &anchors[pair.anchor as usize]));
                 continue;
             }
             match search.look_at(feature, place) {
                 Look::Apart(clearance) => (pair.clearance, pair.anchor) = (clearance, Pair::NONE),
                 Look::Swept(anchor) => {
                     pair.anchor = Pair::NONE;
-                    touches.extend(search.touch_at(feature, place, &anchor));
+                    touches.extend(search.touch_at((feature, key), place, &anchor));
                 }
                 Look::Near(anchor, clearance) => {
                     pair.clearance = clearance;
@@ -269,7 +278,7 @@ impl Part {
                     } else {
                         anchors[pair.anchor as usize] = anchor;
                     }
-                    touches.extend(search.touch_at(feature, place, &anchor));
+                    touches.extend(search.touch_at((feature, key), place, &anchor));
                 }
             }
         }
@@ -309,7 +318,8 @@ impl Search<'_> {
             return Look::Swept(Anchor { weights, foot, normal });
         }
         let within = rounding(positions[0], radii[0], moment.to.point);
-        let unseen = UNSEEN_IN_RADII * weigh(radii, [1.0 / 3.0; 3]) + UNSEEN;
+        let radius = weigh(radii, [1.0 / 3.0; 3]);
+        let unseen = UNSEEN_IN_RADII * radius + UNSEEN;
         let reach = within + unseen;
         let found = match feature.count {
             2 => shape.deepest_on_edge([local[0], local[1]], [radii[0], radii[1]], reach),
@@ -317,18 +327,25 @@ impl Search<'_> {
         };
         let rounded_down = |way: f64| way as f32 * (1.0 - f32::EPSILON);
         match found {
-            Ok(Deepest { weights, nearest: Nearest { distance, normal }, .. }) => {
+            Ok(Deepest { weights, gap, nearest: Nearest { distance, normal }, .. }) => {
                 let foot = sum(local, weights) - normal * distance;
-                Look::Near(Anchor { weights, foot, normal }, rounded_down(unseen))
+                Look::Near(Anchor { weights, foot, normal }, rounded_down((gap - 2.0 * within).max(HELD_IN_RADII * radius)))
             }
             Err(least) => Look::Apart(rounded_down((least - 2.0 * within).max(unseen))),
         }
     }
 
     /// The contact of a feature with the plane of an anchor, if the point is on it or below; `None` if it cannot move.
-    fn touch_at(&self, feature: &Feature, place: usize, anchor: &Anchor) -> Option<Touch> {
+    fn touch_at(
+        &self,
+        (feature, key): (&Feature, u32),
+        place: usize,
+        anchor: &Anchor,
+    ) -> Option<Touch> {
         let Anchor { weights, foot, normal } = *anchor;
         let number = self.placed.numbers[place];
+        // After those of the particles.
+        let key = 1 << 63 | u64::from(key) << 32 | u64::from(number);
         let collider = &self.colliders[number as usize];
         let moment = &self.placed.moments[place];
         let slots = feature.corners.map(|slot| slot as usize);
@@ -376,6 +393,8 @@ impl Search<'_> {
             mass: (1.0 / mobility) as f32,
             impulse: 0.0,
             given: Given::default(),
+            key,
+            before: Given::default(),
         })
     }
 }

@@ -22,6 +22,7 @@ impl ContactCaches {
     ) {
         let colliders = if settings.collide_with_colliders { colliders } else { &[] };
         self.placed.begin_tick(colliders, settings.time_step);
+        self.touches.last.clear();
         if !self.placed.is_empty() {
             self.features.refresh(mesh, elements, settings.collide_springs);
             self.feature_search.begin_tick();

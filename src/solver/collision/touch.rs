@@ -7,7 +7,9 @@
 //!
 //! Points of an edge and of the faces beside it share particles: what one pushes lifts the others. So each iteration adds to what
 //! those before have pushed, and takes back from it what is more than enough (Catto, *Iterative dynamics with temporal coherence*,
-//! GDC 2005: the projected Gauss–Seidel method): no point leaves the surface for having been pushed twice.
+//! GDC 2005: the projected Gauss–Seidel method): no point leaves the surface for having been pushed twice. Within a tick it begins
+//! with what was enough in the substep before, as far as each point needs it: as points that share particles lift each other, none
+//! needs more than it would alone.
 
 use bevy::math::Vec3A;
 
@@ -46,6 +48,9 @@ pub(super) struct Touch {
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
     pub given: Given,
+    /// What names it among those of the substep before, and what it did then.
+    pub key: u64,
+    pub before: Given,
 }
 
 /// What a contact has done so far in this substep.
@@ -57,6 +62,22 @@ pub(super) struct Given {
     /// The same of the position, m.
     depth: f32,
     held: Vec3A,
+}
+
+/// Gives each contact what it did in the substep before, of which `last` has the keys in the same order.
+pub(super) fn recall(touches: &mut [Touch], last: &[(u64, Given)]) {
+    let mut last = last.iter().peekable();
+    for touch in touches {
+        while last.next_if(|(key, _)| *key < touch.key).is_some() {}
+        if let Some((_, before)) = last.next_if(|(key, _)| *key == touch.key) {
+            touch.before = *before;
+        }
+    }
+}
+
+/// Whether any is of a point between particles, which others may be next to.
+pub(super) fn are_coupled(touches: &[Touch]) -> bool {
+    touches.iter().any(|touch| touch.count > 1)
 }
 
 impl Touch {
@@ -77,14 +98,15 @@ impl Touch {
         }
     }
 
-    /// Gives the point its velocity after the contact, unless it moves away already, and friction.
-    pub fn solve_velocity(&mut self, bodies: &mut [Body]) {
+    /// Gives the point its velocity after the contact, unless it moves away already, and friction; by how much the velocity along
+    /// the normal changes, m/s.
+    pub fn solve_velocity(&mut self, bodies: &mut [Body]) -> f32 {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
         let given = self.given.velocity;
         let change = (self.target_velocity - relative.dot(self.normal)).max(-given);
         // Neither of NaN.
         if change.is_nan() || given + change <= 0.0 && given <= 0.0 {
-            return;
+            return 0.0;
         }
         self.given.velocity = given + change;
         let rubbed = self.given.rubbed - tangential(relative, self.normal);
@@ -93,6 +115,37 @@ impl Touch {
         self.given.rubbed = rubbed;
         self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         self.impulse = self.given.velocity * self.mass;
+        change.abs()
+    }
+
+    /// Begins with the impulse of the substep before.
+    pub fn start_velocity(&mut self, bodies: &mut [Body]) {
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        let change = self.before.velocity.min(self.target_velocity - relative.dot(self.normal));
+        if change > 0.0 {
+            let rubbed = tangential(self.before.rubbed, self.normal);
+            let rubbed = shortened(rubbed, self.friction * change);
+            (self.given.velocity, self.given.rubbed) = (change, rubbed);
+            let change_of_velocity = self.normal * change + rubbed;
+            self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
+        }
+    }
+
+    /// Begins with the correction of the substep before.
+    pub fn start_position(&mut self, bodies: &mut [Body]) {
+        let depth = self.before.depth.min(self.depth_among(bodies));
+        if depth > 0.0 {
+            let held = shortened(tangential(self.before.held, self.normal), self.friction * depth);
+            (self.given.depth, self.given.held) = (depth, held);
+            let correction = self.normal * depth + held;
+            self.each(bodies, |body, share| body.position += correction * share);
+        }
+    }
+
+    /// How deep the point is now, m.
+    fn depth_among(&self, bodies: &[Body]) -> f32 {
+        let place = self.sum(bodies, |body| body.position);
+        self.depth - (place - self.place).dot(self.normal)
     }
 
     /// Takes note whether the point slips, at more than `tolerance` m/s, or is moved along.
@@ -105,14 +158,13 @@ impl Touch {
         }
     }
 
-    /// Puts the point back onto the surface; static friction, back to where it stuck.
-    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32) {
-        let place = self.sum(bodies, |body| body.position);
+    /// Puts the point back onto the surface; static friction, back to where it stuck. How far it goes along the normal, m.
+    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32) -> f32 {
         let given = self.given.depth;
-        let depth = (self.depth - (place - self.place).dot(self.normal)).max(-given);
+        let depth = self.depth_among(bodies).max(-given);
         // Neither of NaN.
         if depth.is_nan() || given + depth <= 0.0 && given <= 0.0 {
-            return;
+            return 0.0;
         }
         self.given.depth = given + depth;
         let mut correction = self.normal * depth;
@@ -124,5 +176,6 @@ impl Touch {
             self.given.held = held;
         }
         self.each(bodies, |body, share| body.position += correction * share);
+        depth.abs()
     }
 }

@@ -1,0 +1,99 @@
+//! In which order the contacts of a substep are solved: velocities, then positions.
+
+use super::{ContactCaches, pairs, plane, touch};
+use crate::solver::settings::PairRules;
+
+/// Number of iterations over all contacts in each substep: over their velocities, at most, and over their positions.
+const VELOCITY_ITERATIONS: usize = 3;
+const POSITION_ITERATIONS: usize = 2;
+
+/// The same over contacts of edges and faces, at most: which share particles with those beside them.
+const COUPLED_ITERATIONS: usize = 16;
+
+/// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
+/// in one, all overlaps of a particle together displace it by about this part of the sum of two radii in a second
+/// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
+const RECOVERY_RATE: f32 = 10.0;
+
+impl ContactCaches {
+    /// Solves the velocities, until what is left to correct is less than `tolerance` m/s.
+    pub(super) fn solve_velocities(
+        &mut self,
+        (rules, falls_asleep): (PairRules, bool),
+        tolerance: f32,
+        reach: f32,
+    ) {
+        let pairs = self.pair_count() > 0;
+        if pairs {
+            let Self { pair_contacts, candidates, bodies, .. } = self;
+            pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
+            for _ in 0..VELOCITY_ITERATIONS {
+                // The planes come first: else a ball that its load presses into a plane seems to part from it.
+                self.solve_plane_velocities();
+                let Self { pair_contacts, candidates, bodies, .. } = self;
+                let groups = &mut candidates.groups;
+                if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, tolerance) {
+                    break;
+                }
+            }
+        }
+        // Contacts of one particle each are solved by the first.
+        let are_coupled = touch::are_coupled(&self.touches.all);
+        let iterations = if are_coupled { COUPLED_ITERATIONS } else { 1 };
+        if are_coupled && !pairs {
+            touch::recall(&mut self.touches.all, &self.touches.last);
+            self.touches.all.iter_mut().for_each(|touch| touch.start_velocity(&mut self.bodies));
+        }
+        for _ in 0..iterations {
+            if self.solve_plane_velocities() <= tolerance {
+                break;
+            }
+        }
+        if pairs {
+            let Self { pair_contacts, candidates, bodies, .. } = self;
+            let friction = falls_asleep.then_some(rules);
+            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (friction, reach));
+        }
+    }
+
+    /// Those of the contacts with colliders; the largest change of that of a point of a net, m/s.
+    fn solve_plane_velocities(&mut self) -> f32 {
+        for contact in &mut self.plane_contacts {
+            plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
+        }
+        let each = self.touches.all.iter_mut();
+        each.map(|touch| touch.solve_velocity(&mut self.bodies)).fold(0.0, f32::max)
+    }
+
+    /// Solves the positions at the end of a substep of `substep` seconds.
+    pub(super) fn solve_positions(&mut self, rules: PairRules, tolerance: f32, substep: f32) {
+        let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
+        let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
+        let are_coupled = touch::are_coupled(&touches.all);
+        let iterations = if are_coupled { COUPLED_ITERATIONS } else { POSITION_ITERATIONS };
+        // What rounding leaves cannot be corrected.
+        let mut enough = tolerance * substep;
+        if are_coupled {
+            touches.all.iter_mut().for_each(|touch| touch.start_position(bodies));
+            let coordinates = touches.all.iter().map(|touch| touch.place.abs().max_element());
+            enough += 2.0 * f32::EPSILON * coordinates.fold(0.0, f32::max);
+        }
+        for iteration in 0..iterations {
+            if iteration < POSITION_ITERATIONS {
+                pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
+            }
+            for contact in &*plane_contacts {
+                plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
+            }
+            let each = touches.all.iter_mut();
+            let farthest = each.map(|touch| touch.solve_position(bodies, substep)).fold(0.0, f32::max);
+            if iteration + 1 >= POSITION_ITERATIONS && farthest <= enough {
+                break;
+            }
+        }
+        touches.last.clear();
+        if are_coupled {
+            touches.last.extend(touches.all.iter().map(|touch| (touch.key, touch.given)));
+        }
+    }
+}
