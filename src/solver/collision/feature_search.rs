@@ -55,7 +55,7 @@ pub(super) struct FeatureSearch {
     margin: f32,
     /// Where the particles were at the last search, m; none before the first of the tick.
     seen: Vectors,
-    /// The length of the way of each particle since, m, rounded up.
+    /// How far each particle has moved since, m, rounded up.
     ways: Vec<f32>,
     /// The longest way of a point of each collider, m, rounded up.
     collider_ways: Vec<f32>,
@@ -180,27 +180,23 @@ impl FeatureSearch {
         }
     }
 
-    /// Measures how far all have moved since the last search, by way of where they were when the substep began; the longest.
+    /// Measures how far all have moved since the last search; the longest.
+    ///
+    /// What rests is pushed into a collider and out of it in each substep. So it is not by way of where it was when the substep
+    /// began: what is apart by more than it has moved since the last search, is apart now.
     fn measure_ways(&mut self, search: Search) -> f32 {
         let position = &search.particles.position;
         if self.seen.len() != position.len() {
             self.seen.copy_from(search.previous);
         }
+        let [from, to] = [&self.seen, position].map(Vectors::axes);
         self.ways.clear();
-        self.ways.resize(position.len(), 0.0);
-        let add_way = |from: [&[f32]; 3], to: [&[f32]; 3], way: &mut f32, slot: usize| {
+        self.ways.extend((0..position.len()).map(|slot| {
             let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
-            *way += (square(0) + square(1) + square(2)).sqrt();
-        };
-        let [seen, before, now] = [&self.seen, search.previous, position].map(Vectors::axes);
-        let mut longest = 0.0_f32;
-        for (slot, way) in self.ways.iter_mut().enumerate() {
-            add_way(seen, before, way, slot);
-            add_way(before, now, way, slot);
             // What rounding may hide.
-            *way *= 1.0 + 8.0 * f32::EPSILON;
-            longest = longest.max(*way);
-        }
+            (square(0) + square(1) + square(2)).sqrt() * (1.0 + 8.0 * f32::EPSILON)
+        }));
+        let longest = self.ways.iter().copied().fold(0.0, f32::max);
         self.seen.copy_from(position);
         self.collider_ways.clear();
         self.collider_ways.resize(search.placed.numbers.len(), 0.0);

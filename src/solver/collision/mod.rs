@@ -233,11 +233,12 @@ impl ContactCaches {
         let Substep { settings, integrator, duration, .. } = substep;
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
-        let tolerance = rest::tolerated_error(settings) * gravity * duration;
+        let tolerances =
+            [rest::tolerated_error(settings), solve::COUPLED_ERROR].map(|error| error * gravity * duration);
         let falls_asleep = settings.sleep.is_some();
-        self.solve_velocities((rules, falls_asleep), tolerance, integrator.displacement_share() * duration);
+        self.solve_velocities((rules, falls_asleep), tolerances, integrator.displacement_share() * duration);
         self.hold_still(gravity * duration, falls_asleep);
-        self.solve_positions(rules, tolerance, duration);
+        self.solve_positions(rules, tolerances[1], duration);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
         if let Some(records) = records {
             self.record(particles, records);

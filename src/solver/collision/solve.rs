@@ -10,17 +10,20 @@ const POSITION_ITERATIONS: usize = 2;
 /// The same over contacts of edges and faces, at most: which share particles with those beside them.
 const COUPLED_ITERATIONS: usize = 16;
 
+/// What those may leave uncorrected, as a part of what gravity gives in a substep.
+pub(super) const COUPLED_ERROR: f32 = 0.05;
+
 /// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
 /// in one, all overlaps of a particle together displace it by about this part of the sum of two radii in a second
 /// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
 const RECOVERY_RATE: f32 = 10.0;
 
 impl ContactCaches {
-    /// Solves the velocities, until what is left to correct is less than `tolerance` m/s.
+    /// Solves the velocities, until what is left to correct is less than the `tolerance` of pairs, and that of points of nets, m/s.
     pub(super) fn solve_velocities(
         &mut self,
         (rules, falls_asleep): (PairRules, bool),
-        tolerance: f32,
+        [tolerance, coupled_tolerance]: [f32; 2],
         reach: f32,
     ) {
         let pairs = self.pair_count() > 0;
@@ -45,7 +48,7 @@ impl ContactCaches {
             self.touches.all.iter_mut().for_each(|touch| touch.start_velocity(&mut self.bodies));
         }
         for _ in 0..iterations {
-            if self.solve_plane_velocities() <= tolerance {
+            if self.solve_plane_velocities() <= coupled_tolerance {
                 break;
             }
         }
@@ -65,7 +68,7 @@ impl ContactCaches {
         each.map(|touch| touch.solve_velocity(&mut self.bodies)).fold(0.0, f32::max)
     }
 
-    /// Solves the positions at the end of a substep of `substep` seconds.
+    /// Solves the positions at the end of a substep of `substep` seconds, until points of nets move by less than `tolerance` m/s.
     pub(super) fn solve_positions(&mut self, rules: PairRules, tolerance: f32, substep: f32) {
         let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
