@@ -238,7 +238,7 @@ impl ContactCaches {
         let falls_asleep = settings.sleep.is_some();
         self.solve_velocities((rules, falls_asleep), tolerances, integrator.displacement_share() * duration);
         self.hold_still(gravity * duration, falls_asleep);
-        self.solve_positions(rules, tolerances[1], duration);
+        self.solve_positions(rules, duration);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
         if let Some(records) = records {
             self.record(particles, records);

@@ -7,10 +7,8 @@ use crate::solver::settings::PairRules;
 const VELOCITY_ITERATIONS: usize = 3;
 const POSITION_ITERATIONS: usize = 2;
 
-/// The same over contacts of edges and faces, at most: which share particles with those beside them.
-const COUPLED_ITERATIONS: usize = 16;
-
-/// What those may leave uncorrected, as a part of what gravity gives in a substep.
+/// What contacts of edges and faces may leave uncorrected, as a part of what gravity gives in a substep: they begin with what was
+/// enough in the one before, so that what rests needs one iteration.
 pub(super) const COUPLED_ERROR: f32 = 0.05;
 
 /// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
@@ -42,7 +40,7 @@ impl ContactCaches {
         }
         // Contacts of one particle each are solved by the first.
         let are_coupled = touch::are_coupled(&self.touches.all);
-        let iterations = if are_coupled { COUPLED_ITERATIONS } else { 1 };
+        let iterations = if are_coupled { VELOCITY_ITERATIONS } else { 1 };
         if are_coupled && !pairs {
             touch::recall(&mut self.touches.all, &self.touches.last);
             self.touches.all.iter_mut().for_each(|touch| touch.start_velocity(&mut self.bodies));
@@ -68,31 +66,20 @@ impl ContactCaches {
         each.map(|touch| touch.solve_velocity(&mut self.bodies)).fold(0.0, f32::max)
     }
 
-    /// Solves the positions at the end of a substep of `substep` seconds, until points of nets move by less than `tolerance` m/s.
-    pub(super) fn solve_positions(&mut self, rules: PairRules, tolerance: f32, substep: f32) {
+    /// Solves the positions at the end of a substep of `substep` seconds.
+    pub(super) fn solve_positions(&mut self, rules: PairRules, substep: f32) {
         let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
         let are_coupled = touch::are_coupled(&touches.all);
-        let iterations = if are_coupled { COUPLED_ITERATIONS } else { POSITION_ITERATIONS };
-        // What rounding leaves cannot be corrected.
-        let mut enough = tolerance * substep;
         if are_coupled {
             touches.all.iter_mut().for_each(|touch| touch.start_position(bodies));
-            let coordinates = touches.all.iter().map(|touch| touch.place.abs().max_element());
-            enough += 2.0 * f32::EPSILON * coordinates.fold(0.0, f32::max);
         }
-        for iteration in 0..iterations {
-            if iteration < POSITION_ITERATIONS {
-                pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
-            }
+        for _ in 0..POSITION_ITERATIONS {
+            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-            let each = touches.all.iter_mut();
-            let farthest = each.map(|touch| touch.solve_position(bodies, substep)).fold(0.0, f32::max);
-            if iteration + 1 >= POSITION_ITERATIONS && farthest <= enough {
-                break;
-            }
+            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep));
         }
         touches.last.clear();
         if are_coupled {

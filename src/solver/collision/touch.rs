@@ -158,13 +158,13 @@ impl Touch {
         }
     }
 
-    /// Puts the point back onto the surface; static friction, back to where it stuck. How far it goes along the normal, m.
-    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32) -> f32 {
+    /// Puts the point back onto the surface; static friction, back to where it stuck.
+    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32) {
         let given = self.given.depth;
         let depth = self.depth_among(bodies).max(-given);
         // Neither of NaN.
         if depth.is_nan() || given + depth <= 0.0 && given <= 0.0 {
-            return 0.0;
+            return;
         }
         self.given.depth = given + depth;
         let mut correction = self.normal * depth;
@@ -176,6 +176,5 @@ impl Touch {
             self.given.held = held;
         }
         self.each(bodies, |body, share| body.position += correction * share);
-        depth.abs()
     }
 }
