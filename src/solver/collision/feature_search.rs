@@ -325,19 +325,17 @@ impl Search<'_> {
         match found {
             Ok(Deepest { weights, gap, nearest: Nearest { distance, normal }, .. }) => {
                 let foot = sum(local, weights) - normal * distance;
-                Look::Near(Anchor { weights, foot, normal }, rounded_down((gap - 2.0 * within).max(HELD_IN_RADII * radius)))
+                Look::Near(
+                    Anchor { weights, foot, normal },
+                    rounded_down((gap - 2.0 * within).max(HELD_IN_RADII * radius)),
+                )
             }
             Err(least) => Look::Apart(rounded_down((least - 2.0 * within).max(unseen))),
         }
     }
 
     /// The contact of a feature with the plane of an anchor, if the point is on it or below; `None` if it cannot move.
-    fn touch_at(
-        &self,
-        (feature, key): (&Feature, u32),
-        place: usize,
-        anchor: &Anchor,
-    ) -> Option<Touch> {
+    fn touch_at(&self, (feature, key): (&Feature, u32), place: usize, anchor: &Anchor) -> Option<Touch> {
         let Anchor { weights, foot, normal } = *anchor;
         let number = self.placed.numbers[place];
         // After those of the particles.
