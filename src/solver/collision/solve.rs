@@ -30,7 +30,7 @@ impl ContactCaches {
             pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
             for _ in 0..VELOCITY_ITERATIONS {
                 // The planes come first: else a ball that its load presses into a plane seems to part from it.
-                self.solve_plane_velocities();
+                self.solve_plane_velocities(false);
                 let Self { pair_contacts, candidates, bodies, .. } = self;
                 let groups = &mut candidates.groups;
                 if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, tolerance) {
@@ -41,12 +41,14 @@ impl ContactCaches {
         // Contacts of one particle each are solved by the first.
         let are_coupled = touch::are_coupled(&self.touches.all);
         let iterations = if are_coupled { VELOCITY_ITERATIONS } else { 1 };
-        if are_coupled && !pairs {
+        // In piles of loose balls what is below does not give way.
+        let together = are_coupled && !pairs;
+        if together {
             touch::recall(&mut self.touches.all, &self.touches.last);
             self.touches.all.iter_mut().for_each(|touch| touch.start_velocity(&mut self.bodies));
         }
         for _ in 0..iterations {
-            if self.solve_plane_velocities() <= coupled_tolerance {
+            if self.solve_plane_velocities(together) <= coupled_tolerance {
                 break;
             }
         }
@@ -58,20 +60,21 @@ impl ContactCaches {
     }
 
     /// Those of the contacts with colliders; the largest change of that of a point of a net, m/s.
-    fn solve_plane_velocities(&mut self) -> f32 {
+    fn solve_plane_velocities(&mut self, takes_back: bool) -> f32 {
         for contact in &mut self.plane_contacts {
             plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
         }
         let each = self.touches.all.iter_mut();
-        each.map(|touch| touch.solve_velocity(&mut self.bodies)).fold(0.0, f32::max)
+        each.map(|touch| touch.solve_velocity(&mut self.bodies, takes_back)).fold(0.0, f32::max)
     }
 
     /// Solves the positions at the end of a substep of `substep` seconds.
     pub(super) fn solve_positions(&mut self, rules: PairRules, substep: f32) {
+        let pairs = self.pair_count() > 0;
         let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
-        let are_coupled = touch::are_coupled(&touches.all);
-        if are_coupled {
+        let together = touch::are_coupled(&touches.all) && !pairs;
+        if together {
             touches.all.iter_mut().for_each(|touch| touch.start_position(bodies));
         }
         for _ in 0..POSITION_ITERATIONS {
@@ -79,10 +82,10 @@ impl ContactCaches {
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep));
+            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep, together));
         }
         touches.last.clear();
-        if are_coupled {
+        if together {
             touches.last.extend(touches.all.iter().map(|touch| (touch.key, touch.given)));
         }
     }

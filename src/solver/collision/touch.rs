@@ -99,8 +99,11 @@ impl Touch {
     }
 
     /// Gives the point its velocity after the contact, unless it moves away already, and friction; by how much the velocity along
-    /// the normal changes, m/s.
-    pub fn solve_velocity(&mut self, bodies: &mut [Body]) -> f32 {
+    /// the normal changes, m/s. It `takes_back` what iterations before have given too much.
+    pub fn solve_velocity(&mut self, bodies: &mut [Body], takes_back: bool) -> f32 {
+        if !takes_back {
+            self.given = Given::default();
+        }
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
         let given = self.given.velocity;
         let change = (self.target_velocity - relative.dot(self.normal)).max(-given);
@@ -114,7 +117,7 @@ impl Touch {
         let change_of_velocity = self.normal * change + (rubbed - self.given.rubbed);
         self.given.rubbed = rubbed;
         self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
-        self.impulse = self.given.velocity * self.mass;
+        self.impulse += change * self.mass;
         change.abs()
     }
 
@@ -126,6 +129,7 @@ impl Touch {
             let rubbed = tangential(self.before.rubbed, self.normal);
             let rubbed = shortened(rubbed, self.friction * change);
             (self.given.velocity, self.given.rubbed) = (change, rubbed);
+            self.impulse = change * self.mass;
             let change_of_velocity = self.normal * change + rubbed;
             self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         }
@@ -159,7 +163,10 @@ impl Touch {
     }
 
     /// Puts the point back onto the surface; static friction, back to where it stuck.
-    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32) {
+    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32, takes_back: bool) {
+        if !takes_back {
+            self.given = Given::default();
+        }
         let given = self.given.depth;
         let depth = self.depth_among(bodies).max(-given);
         // Neither of NaN.
