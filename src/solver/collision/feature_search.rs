@@ -7,6 +7,12 @@
 //! the list. Each has a *clearance*, by which it is apart for certain: the distance of two solids changes by no more than what
 //! the points of both move by (it is Lipschitz continuous of constant 1 in each). Only where that is used up the distance is
 //! computed anew.
+//!
+//! What touches, or nearly, keeps the point and the plane that were found there, its *anchor*, and touches where that point is
+//! below that plane, until it has moved by a thousandth of its radius: another point is deeper by then, and the surface is turned
+//! there, by no more than the square of that way over the sizes of both. So what rests is held in each substep, at the same point.
+//! Were it left alone while it is a little apart, it would fall, be pushed out, and keep the springs vibrating that press it
+//! against the collider.
 
 use bevy::math::{DVec3, Vec3, Vec3A};
 
@@ -15,7 +21,7 @@ use super::features::{Feature, sum, weigh};
 use super::material::{Skin, skin_of};
 use super::response::{Approach, Rebound};
 use super::shapes::{Arrival, Bounds, Deepest, Nearest, Ways};
-use super::touch::Touch;
+use super::touch::{Given, Touch};
 use super::touch_search::{Search, rounding};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
@@ -38,6 +44,9 @@ const MARGIN_IN_RADII: f32 = 0.5;
 const UNSEEN_IN_RADII: f64 = 0.005;
 const UNSEEN: f64 = 2e-5;
 
+/// The way for which an anchor holds, as a part of the radius.
+const HELD_IN_RADII: f64 = 0.001;
+
 /// The search: a cache within a tick.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FeatureSearch {
@@ -46,7 +55,7 @@ pub(super) struct FeatureSearch {
     margin: f32,
     /// Where the particles were at the last search, m; none before the first of the tick.
     seen: Vectors,
-    /// The length of the way of each particle since, m, rounded up.
+    /// How far each particle has moved since, m, rounded up.
     ways: Vec<f32>,
     /// The longest way of a point of each collider, m, rounded up.
     collider_ways: Vec<f32>,
@@ -56,6 +65,7 @@ pub(super) struct FeatureSearch {
 struct Part {
     /// By feature, then by place.
     pairs: Vec<Pair>,
+    anchors: Vec<Anchor>,
     touches: Vec<Touch>,
     /// Working memory.
     near: Vec<u32>,
@@ -78,8 +88,33 @@ struct Pair {
     feature: u32,
     /// The place of the collider.
     place: u32,
-    /// By how much they are apart for certain, m; <= 0: nothing is known.
+    /// By how much they are apart for certain, or their anchor holds, m; <= 0: nothing is known.
     clearance: f32,
+    /// The number of their anchor in the part; [`NONE`](Self::NONE).
+    anchor: u32,
+}
+
+impl Pair {
+    const NONE: u32 = u32::MAX;
+}
+
+/// The point of a feature that was the deepest when it was looked at, and the plane that touches the surface there, in the axes
+/// of the shape.
+#[derive(Debug, Clone, Copy)]
+struct Anchor {
+    weights: [f64; 3],
+    foot: DVec3,
+    normal: DVec3,
+}
+
+/// What a look at a pair has found.
+enum Look {
+    /// They are apart by so much for certain, m; what lies flat, nearly.
+    Apart(f32),
+    /// They touch, or will when they have moved by about so much, m.
+    Near(Anchor, f32),
+    /// The feature has met the collider on its way.
+    Swept(Anchor),
 }
 
 impl FeatureSearch {
@@ -105,14 +140,14 @@ impl FeatureSearch {
         let (margin, ways) = (self.margin, [&self.ways[..], &self.collider_ways[..]]);
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(features.len().div_ceil(size), Part::default);
-        let parts = self.parts.iter_mut().zip(features.chunks(size));
+        let parts = self.parts.iter_mut().zip(features.chunks(size)).zip((0..).step_by(size));
         let Search { colliders, placed, skins, previous, particles, .. } = search;
         let surroundings = Surroundings { colliders, placed, skins, previous };
-        parallel::for_each(parts, features.len() >= MIN_SHARED, |(part, features)| {
+        parallel::for_each(parts, features.len() >= MIN_SHARED, |((part, features), first)| {
             if is_stale {
                 part.list(surroundings, particles, features, margin);
             }
-            part.find(search, features, ways);
+            part.find(search, (features, first), ways);
         });
         self.parts.iter_mut().for_each(|part| touches.append(&mut part.touches));
     }
@@ -145,27 +180,23 @@ impl FeatureSearch {
         }
     }
 
-    /// Measures how far all have moved since the last search, by way of where they were when the substep began; the longest.
+    /// Measures how far all have moved since the last search; the longest.
+    ///
+    /// What rests is pushed into a collider and out of it in each substep. So it is not by way of where it was when the substep
+    /// began: what is apart by more than it has moved since the last search, is apart now.
     fn measure_ways(&mut self, search: Search) -> f32 {
         let position = &search.particles.position;
         if self.seen.len() != position.len() {
             self.seen.copy_from(search.previous);
         }
+        let [from, to] = [&self.seen, position].map(Vectors::axes);
         self.ways.clear();
-        self.ways.resize(position.len(), 0.0);
-        let add_way = |from: [&[f32]; 3], to: [&[f32]; 3], way: &mut f32, slot: usize| {
+        self.ways.extend((0..position.len()).map(|slot| {
             let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
-            *way += (square(0) + square(1) + square(2)).sqrt();
-        };
-        let [seen, before, now] = [&self.seen, search.previous, position].map(Vectors::axes);
-        let mut longest = 0.0_f32;
-        for (slot, way) in self.ways.iter_mut().enumerate() {
-            add_way(seen, before, way, slot);
-            add_way(before, now, way, slot);
             // What rounding may hide.
-            *way *= 1.0 + 8.0 * f32::EPSILON;
-            longest = longest.max(*way);
-        }
+            (square(0) + square(1) + square(2)).sqrt() * (1.0 + 8.0 * f32::EPSILON)
+        }));
+        let longest = self.ways.iter().copied().fold(0.0, f32::max);
         self.seen.copy_from(position);
         self.collider_ways.clear();
         self.collider_ways.resize(search.placed.numbers.len(), 0.0);
@@ -180,6 +211,7 @@ impl Part {
     /// Lists the pairs that are at most `margin` m apart, and some more.
     fn list(&mut self, surroundings: Surroundings, particles: &Particles, features: &[Feature], margin: f32) {
         self.pairs.clear();
+        self.anchors.clear();
         let Surroundings { colliders, placed, skins, previous } = surroundings;
         let bounds_of = |feature: &Feature| bounds_of(feature, previous, particles);
         for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
@@ -195,27 +227,55 @@ impl Part {
                     let collider = &colliders[placed.numbers[place as usize] as usize];
                     let clearance = own.distance(&placed.bounds[place as usize]);
                     if clearance <= margin && !collider.is_sensor && layers.meet(collider.layers) {
-                        self.pairs.push(Pair { feature: number, place, clearance });
+                        self.pairs.push(Pair { feature: number, place, clearance, anchor: Pair::NONE });
                     }
                 }
             }
         }
     }
 
-    /// Looks at the pairs whose clearance is used up.
-    fn find(&mut self, search: Search, features: &[Feature], [ways, collider_ways]: [&[f32]; 2]) {
-        let Self { pairs, touches, .. } = self;
+    /// Looks at the pairs whose clearance is used up, and finds those that touch.
+    fn find(
+        &mut self,
+        search: Search,
+        (features, first): (&[Feature], u32),
+        [ways, collider_ways]: [&[f32]; 2],
+    ) {
+        let Self { pairs, anchors, touches, .. } = self;
         for pair in pairs {
             let feature = &features[pair.feature as usize];
             let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
             pair.clearance -= a.max(b).max(c) + collider_ways[pair.place as usize];
-            let is_implicit = |slot: &u32| search.is_implicit.get(*slot as usize) == Some(&true);
-            if pair.clearance > 0.0 || feature.corners.iter().any(is_implicit) {
+            let is_known = pair.clearance > 0.0;
+            if is_known && pair.anchor == Pair::NONE {
                 continue;
             }
-            match search.look_at(feature, pair.place as usize) {
-                Ok(touch) => touches.extend(touch),
-                Err(clearance) => pair.clearance = clearance,
+            let is_implicit = |slot: &u32| search.is_implicit.get(*slot as usize) == Some(&true);
+            if feature.corners.iter().any(is_implicit) {
+                continue;
+            }
+            let place = pair.place as usize;
+            let key = first + pair.feature;
+            if is_known {
+                touches.extend(search.touch_at((feature, key), place, &anchors[pair.anchor as usize]));
+                continue;
+            }
+            match search.look_at(feature, place) {
+                Look::Apart(clearance) => (pair.clearance, pair.anchor) = (clearance, Pair::NONE),
+                Look::Swept(anchor) => {
+                    pair.anchor = Pair::NONE;
+                    touches.extend(search.touch_at((feature, key), place, &anchor));
+                }
+                Look::Near(anchor, clearance) => {
+                    pair.clearance = clearance;
+                    if pair.anchor == Pair::NONE {
+                        pair.anchor = anchors.len() as u32;
+                        anchors.push(anchor);
+                    } else {
+                        anchors[pair.anchor as usize] = anchor;
+                    }
+                    touches.extend(search.touch_at((feature, key), place, &anchor));
+                }
             }
         }
     }
@@ -234,58 +294,70 @@ fn bounds_of(feature: &Feature, previous: &Vectors, particles: &Particles) -> Bo
 }
 
 impl Search<'_> {
-    /// The contact of a feature with a collider, unless nothing in it can move; or a clearance.
-    fn look_at(&self, feature: &Feature, place: usize) -> Result<Option<Touch>, f32> {
+    /// What of a feature is next to a collider.
+    fn look_at(&self, feature: &Feature, place: usize) -> Look {
         let Search { colliders, placed, particles, .. } = *self;
         let apart = bounds_of(feature, self.previous, particles).distance(&placed.bounds[place]);
         if apart > 0.0 {
-            return Err(apart);
+            return Look::Apart(apart);
         }
         let corners = feature.corners.map(|slot| slot as usize);
         let positions = corners.map(|slot| particles.position.get(slot).as_dvec3());
         let radii = corners.map(|slot| f64::from(particles.radius()[slot]));
         let starts = corners.map(|slot| self.previous.get(slot).as_dvec3());
         let moment = &placed.moments[place];
-        let to = moment.to;
-        let local = positions.map(|position| to.to_local(position));
+        let local = positions.map(|position| moment.to.to_local(position));
         let before = starts.map(|start| moment.from.to_local(start));
         let shape = &colliders[placed.numbers[place] as usize].shape;
-        let within = rounding(positions[0], radii[0], to.point);
-        let found = match shape.swept(&Ways { from: before, to: local, count: feature.count }, radii) {
-            Some(Arrival { normal, foot, weights, .. }) => {
-                let height = (sum(local, weights) - foot).dot(normal);
-                let nearest = Nearest { distance: height, normal };
-                Ok(Deepest { weights, gap: height - weigh(radii, weights), nearest })
-            }
-            None if feature.count == 2 => {
-                shape.deepest_on_edge([local[0], local[1]], [radii[0], radii[1]], within)
-            }
-            None => shape.deepest_on_triangle(local, radii, within),
+        let ways = Ways { from: before, to: local, count: feature.count };
+        if let Some(Arrival { normal, foot, weights, .. }) = shape.swept(&ways, radii) {
+            return Look::Swept(Anchor { weights, foot, normal });
+        }
+        let within = rounding(positions[0], radii[0], moment.to.point);
+        let radius = weigh(radii, [1.0 / 3.0; 3]);
+        let unseen = UNSEEN_IN_RADII * radius + UNSEEN;
+        let reach = within + unseen;
+        let found = match feature.count {
+            2 => shape.deepest_on_edge([local[0], local[1]], [radii[0], radii[1]], reach),
+            _ => shape.deepest_on_triangle(local, radii, reach),
         };
-        let found = found.map_err(|least| {
-            let unseen = UNSEEN_IN_RADII * weigh(radii, [1.0 / 3.0; 3]) + UNSEEN;
-            (least - 2.0 * within).max(unseen) as f32 * (1.0 - f32::EPSILON)
-        })?;
-        let normal = to.direction(shape, found.nearest.normal);
-        Ok(self.touch_of(feature, found, place, normal))
+        let rounded_down = |way: f64| way as f32 * (1.0 - f32::EPSILON);
+        match found {
+            Ok(Deepest { weights, gap, nearest: Nearest { distance, normal }, .. }) => {
+                let foot = sum(local, weights) - normal * distance;
+                Look::Near(
+                    Anchor { weights, foot, normal },
+                    rounded_down((gap - 2.0 * within).max(HELD_IN_RADII * radius)),
+                )
+            }
+            Err(least) => Look::Apart(rounded_down((least - 2.0 * within).max(unseen))),
+        }
     }
 
-    /// The contact of a point of a feature; `None` if it cannot move.
-    fn touch_of(&self, feature: &Feature, found: Deepest, place: usize, normal: DVec3) -> Option<Touch> {
-        let Deepest { weights, gap, .. } = found;
+    /// The contact of a feature with the plane of an anchor, if the point is on it or below; `None` if it cannot move.
+    fn touch_at(&self, (feature, key): (&Feature, u32), place: usize, anchor: &Anchor) -> Option<Touch> {
+        let Anchor { weights, foot, normal } = *anchor;
+        let number = self.placed.numbers[place];
+        // After those of the particles.
+        let key = 1 << 63 | u64::from(key) << 32 | u64::from(number);
+        let collider = &self.colliders[number as usize];
+        let moment = &self.placed.moments[place];
         let slots = feature.corners.map(|slot| slot as usize);
+        let of = |vectors: &Vectors| sum(slots.map(|slot| vectors.get(slot).as_dvec3()), weights);
+        let point = of(&self.particles.position);
+        let radius = weigh(slots.map(|slot| f64::from(self.particles.radius()[slot])), weights);
+        let normal = moment.to.direction(&collider.shape, normal);
+        let gap = (point - moment.to.to_world(foot)).dot(normal) - radius;
+        // Touch of NaN none.
+        if gap.is_nan() || gap > rounding(point, radius, moment.to.point) {
+            return None;
+        }
         let inverse = slots.map(|slot| f64::from(self.particles.inverse_mass()[slot]));
         let mobility: f64 = (0..feature.count).map(|end| weights[end] * weights[end] * inverse[end]).sum();
         if mobility <= 0.0 {
             return None;
         }
-        let number = self.placed.numbers[place];
-        let collider = &self.colliders[number as usize];
-        let of = |vectors: &Vectors| sum(slots.map(|slot| vectors.get(slot).as_dvec3()), weights);
-        let point = of(&self.particles.position);
-        let radius = weigh(slots.map(|slot| f64::from(self.particles.radius()[slot])), weights);
-        let foot = point - normal * (gap + radius);
-        let surface_velocity = self.placed.moments[place].velocity_at(collider, foot);
+        let surface_velocity = moment.velocity_at(collider, point - normal * (gap + radius));
         let [restitution, friction] = collider.material.between(skin_of(self.skins, slots[0]).material);
         let rebound = Rebound { restitution, ..self.rebound };
         let target_velocity = rebound.least_velocity_after(Approach {
@@ -314,6 +386,9 @@ impl Search<'_> {
             friction,
             mass: (1.0 / mobility) as f32,
             impulse: 0.0,
+            given: Given::default(),
+            key,
+            before: Given::default(),
         })
     }
 }

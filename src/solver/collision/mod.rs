@@ -7,7 +7,7 @@
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
 //! `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
 //! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
-//! `touch.rs` the three kinds of contact. Of colliders: `collider.rs` where they are, `shapes/` what they look like,
+//! `touch.rs` the three kinds of contact, `solve.rs` in which order they are solved. Of colliders: `collider.rs` where they are, `shapes/` what they look like,
 //! `material.rs` how they rebound, `touch_search.rs` which particles touch them, `feature_search.rs` which edges and
 //! triangles, `guard.rs` what would pass through, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
 
@@ -35,6 +35,7 @@ mod response;
 mod rest;
 mod shapes;
 mod solids;
+mod solve;
 mod stiff_pairs;
 mod surface;
 mod sweep;
@@ -45,7 +46,7 @@ use bevy::math::{Vec3, Vec3A};
 
 use crate::solver::elements::Elements;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::settings::{Integrator, PairRules, StepSettings};
+use crate::solver::settings::{Integrator, StepSettings};
 use bodies::Body;
 use candidates::Candidates;
 use chains::Proof;
@@ -70,15 +71,6 @@ pub(super) use stiff_pairs::{StiffPair, StiffPairs};
 pub(super) use surface::{StiffContact, Surfaces};
 use sweep::Sweep;
 use touch_search::Touches;
-
-/// Number of iterations over all contacts in each substep: over their velocities, at most, and over their positions.
-const VELOCITY_ITERATIONS: usize = 3;
-const POSITION_ITERATIONS: usize = 2;
-
-/// Crowds that no motion has brought about, as where many are spawned in one place, come apart without any velocity:
-/// in one, all overlaps of a particle together displace it by about this part of the sum of two radii in a second
-/// (1/s). Approaches in the same substep, and overlaps with few others, are undone at once.
-const RECOVERY_RATE: f32 = 10.0;
 
 /// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one gives the same.
 #[derive(Debug, Clone, Default)]
@@ -221,9 +213,10 @@ impl ContactCaches {
         let Substep { settings, integrator, duration, .. } = substep;
         let rules = settings.pair_rules.unwrap_or_default();
         let gravity = settings.gravity.length();
-        let tolerance = rest::tolerated_error(settings) * gravity * duration;
+        let tolerances =
+            [rest::tolerated_error(settings), solve::COUPLED_ERROR].map(|error| error * gravity * duration);
         let falls_asleep = settings.sleep.is_some();
-        self.solve_velocities((rules, falls_asleep), tolerance, integrator.displacement_share() * duration);
+        self.solve_velocities((rules, falls_asleep), tolerances, integrator.displacement_share() * duration);
         self.hold_still(gravity * duration, falls_asleep);
         self.solve_positions(rules, duration);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
@@ -330,51 +323,6 @@ impl ContactCaches {
             let Self { candidates, bodies, pair_contacts, .. } = self;
             let sides = (up, settings.is_flat);
             narrow::find(candidates, bodies, (acceleration, skins), rebound, sides, pair_contacts);
-        }
-    }
-
-    fn solve_velocities(&mut self, (rules, falls_asleep): (PairRules, bool), tolerance: f32, reach: f32) {
-        let pairs = self.pair_count() > 0;
-        if pairs {
-            let Self { pair_contacts, candidates, bodies, .. } = self;
-            pairs::warm_start(pair_contacts, &mut candidates.groups, bodies);
-            for _ in 0..VELOCITY_ITERATIONS {
-                // The planes come first: else a ball that its load presses into a plane seems to part from it.
-                self.solve_plane_velocities();
-                let Self { pair_contacts, candidates, bodies, .. } = self;
-                let groups = &mut candidates.groups;
-                if !pairs::solve_velocities(pair_contacts, groups, rules, bodies, tolerance) {
-                    break;
-                }
-            }
-        }
-        // Contacts of one particle each are solved by the first; those of edges and faces know of each other.
-        let iterations =
-            if self.touches.all.iter().any(|touch| touch.count > 1) { VELOCITY_ITERATIONS } else { 1 };
-        (0..iterations).for_each(|_| self.solve_plane_velocities());
-        if pairs {
-            let Self { pair_contacts, candidates, bodies, .. } = self;
-            let friction = falls_asleep.then_some(rules);
-            pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (friction, reach));
-        }
-    }
-
-    fn solve_plane_velocities(&mut self) {
-        for contact in &mut self.plane_contacts {
-            plane::solve_velocity(contact, &self.surfaces[contact.plane], &mut self.bodies);
-        }
-        self.touches.all.iter_mut().for_each(|touch| touch.solve_velocity(&mut self.bodies));
-    }
-
-    fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
-        let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
-        for _ in 0..POSITION_ITERATIONS {
-            pairs::solve_positions(pair_contacts, &mut candidates.groups, rules, bodies, recovery);
-            for contact in &*plane_contacts {
-                plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
-            }
-            touches.all.iter().for_each(|touch| touch.solve_position(bodies, substep));
         }
     }
 }

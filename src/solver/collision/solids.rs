@@ -27,6 +27,7 @@ impl ContactCaches {
             self.clear(memory, particle_count);
         }
         self.placed.begin_tick(colliders, settings.time_step);
+        self.touches.last.clear();
         if !self.placed.is_empty() {
             self.features.refresh(mesh, elements, settings.collide_springs);
             self.feature_search.begin_tick();

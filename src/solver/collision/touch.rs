@@ -4,11 +4,17 @@
 //! What touches is a point of the net, Σ wᵢ xᵢ of up to three particles: a particle, a point of an edge, or one of a
 //! face. An impulse λ n changes their velocities by λ wᵢ n / mᵢ, so that the point answers to it as a mass
 //! 1 / Σ wᵢ²/mᵢ.
+//!
+//! Points of an edge and of the faces beside it share particles: what one pushes lifts the others. So each iteration adds to what
+//! those before have pushed, and takes back from it what is more than enough (Catto, *Iterative dynamics with temporal coherence*,
+//! GDC 2005: the projected Gauss–Seidel method): no point leaves the surface for having been pushed twice. Within a tick it begins
+//! with what was enough in the substep before, as far as each point needs it: as points that share particles lift each other, none
+//! needs more than it would alone.
 
 use bevy::math::Vec3A;
 
 use super::bodies::Body;
-use super::response::{friction, tangential};
+use super::response::{shortened, tangential};
 
 /// Particles of a point, at most.
 pub(super) const MAX_POINTS: usize = 3;
@@ -41,6 +47,37 @@ pub(super) struct Touch {
     pub mass: f32,
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
+    pub given: Given,
+    /// What names it among those of the substep before, and what it did then.
+    pub key: u64,
+    pub before: Given,
+}
+
+/// What a contact has done so far in this substep.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Given {
+    /// Change of the velocity along the normal, m/s, >= 0, and by friction.
+    velocity: f32,
+    rubbed: Vec3A,
+    /// The same of the position, m.
+    depth: f32,
+    held: Vec3A,
+}
+
+/// Gives each contact what it did in the substep before, of which `last` has the keys in the same order.
+pub(super) fn recall(touches: &mut [Touch], last: &[(u64, Given)]) {
+    let mut last = last.iter().peekable();
+    for touch in touches {
+        while last.next_if(|(key, _)| *key < touch.key).is_some() {}
+        if let Some((_, before)) = last.next_if(|(key, _)| *key == touch.key) {
+            touch.before = *before;
+        }
+    }
+}
+
+/// Whether any is of a point between particles, which others may be next to.
+pub(super) fn are_coupled(touches: &[Touch]) -> bool {
+    touches.iter().any(|touch| touch.count > 1)
 }
 
 impl Touch {
@@ -61,18 +98,58 @@ impl Touch {
         }
     }
 
-    /// Gives the point its velocity after the contact, unless it moves away already, and friction.
-    pub fn solve_velocity(&mut self, bodies: &mut [Body]) {
-        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
-        let change = self.target_velocity - relative.dot(self.normal);
-        // Neither of NaN.
-        if change.is_nan() || change <= 0.0 {
-            return;
+    /// Gives the point its velocity after the contact, unless it moves away already, and friction; by how much the velocity along
+    /// the normal changes, m/s. It `takes_back` what iterations before have given too much.
+    pub fn solve_velocity(&mut self, bodies: &mut [Body], takes_back: bool) -> f32 {
+        if !takes_back {
+            self.given = Given::default();
         }
-        let rubbed = friction(tangential(relative, self.normal), self.friction * change);
-        let change_of_velocity = self.normal * change + rubbed;
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        let given = self.given.velocity;
+        let change = (self.target_velocity - relative.dot(self.normal)).max(-given);
+        // Neither of NaN.
+        if change.is_nan() || given + change <= 0.0 && given <= 0.0 {
+            return 0.0;
+        }
+        self.given.velocity = given + change;
+        let rubbed = self.given.rubbed - tangential(relative, self.normal);
+        let rubbed = shortened(rubbed, self.friction * self.given.velocity);
+        let change_of_velocity = self.normal * change + (rubbed - self.given.rubbed);
+        self.given.rubbed = rubbed;
         self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         self.impulse += change * self.mass;
+        change.abs()
+    }
+
+    /// Begins with the impulse of the substep before.
+    pub fn start_velocity(&mut self, bodies: &mut [Body]) {
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        let change = self.before.velocity.min(self.target_velocity - relative.dot(self.normal));
+        if change > 0.0 {
+            let rubbed = tangential(self.before.rubbed, self.normal);
+            let rubbed = shortened(rubbed, self.friction * change);
+            (self.given.velocity, self.given.rubbed) = (change, rubbed);
+            self.impulse = change * self.mass;
+            let change_of_velocity = self.normal * change + rubbed;
+            self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
+        }
+    }
+
+    /// Begins with the correction of the substep before.
+    pub fn start_position(&mut self, bodies: &mut [Body]) {
+        let depth = self.before.depth.min(self.depth_among(bodies));
+        if depth > 0.0 {
+            let held = shortened(tangential(self.before.held, self.normal), self.friction * depth);
+            (self.given.depth, self.given.held) = (depth, held);
+            let correction = self.normal * depth + held;
+            self.each(bodies, |body, share| body.position += correction * share);
+        }
+    }
+
+    /// How deep the point is now, m.
+    fn depth_among(&self, bodies: &[Body]) -> f32 {
+        let place = self.sum(bodies, |body| body.position);
+        self.depth - (place - self.place).dot(self.normal)
     }
 
     /// Takes note whether the point slips, at more than `tolerance` m/s, or is moved along.
@@ -86,17 +163,24 @@ impl Touch {
     }
 
     /// Puts the point back onto the surface; static friction, back to where it stuck.
-    pub fn solve_position(&self, bodies: &mut [Body], substep: f32) {
-        let place = self.sum(bodies, |body| body.position);
-        let depth = self.depth - (place - self.place).dot(self.normal);
+    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32, takes_back: bool) {
+        if !takes_back {
+            self.given = Given::default();
+        }
+        let given = self.given.depth;
+        let depth = self.depth_among(bodies).max(-given);
         // Neither of NaN.
-        if depth.is_nan() || depth <= 0.0 {
+        if depth.is_nan() || given + depth <= 0.0 && given <= 0.0 {
             return;
         }
+        self.given.depth = given + depth;
         let mut correction = self.normal * depth;
         if self.friction > 0.0 {
             let slip = self.sum(bodies, Body::moved) - self.surface_velocity * substep;
-            correction += friction(tangential(slip, self.normal), self.friction * depth);
+            let held = self.given.held - tangential(slip, self.normal);
+            let held = shortened(held, self.friction * self.given.depth);
+            correction += held - self.given.held;
+            self.given.held = held;
         }
         self.each(bodies, |body, share| body.position += correction * share);
     }

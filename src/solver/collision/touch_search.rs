@@ -15,7 +15,7 @@ use super::collider::{Collider, Placed};
 use super::material::{Skin, skin_of};
 use super::response::{Approach, Rebound};
 use super::shapes::{Bounds, Nearest, Vicinity};
-use super::touch::Touch;
+use super::touch::{Given, Touch};
 
 /// Number of consecutive particles that are looked for together.
 const CHUNK: usize = 32;
@@ -58,6 +58,8 @@ pub(super) struct Touches {
     pub all: Vec<Touch>,
     /// The slots and numbers of colliders that are sensors.
     pub sensed: Vec<(u32, u32)>,
+    /// What contacts did in the last substep of this tick, by their keys, where they know of each other.
+    pub last: Vec<(u64, Given)>,
     parts: Vec<Part>,
 }
 
@@ -115,7 +117,7 @@ impl Touches {
         let count = search.particles.len();
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(count.div_ceil(size), Part::default);
-        let Self { all, sensed, parts } = self;
+        let Self { all, sensed, parts, .. } = self;
         let mut collect = |part: &mut Part| {
             all.append(&mut part.touches);
             sensed.append(&mut part.sensed);
@@ -387,6 +389,9 @@ impl Search<'_> {
             friction,
             mass: 1.0 / self.particles.inverse_mass()[slot],
             impulse: 0.0,
+            given: Given::default(),
+            key: (slot as u64) << 32 | u64::from(number),
+            before: Given::default(),
         }
     }
 }
