@@ -123,7 +123,7 @@ fn a_cloth_that_lies_on_a_ball_does_not_tremble() {
 }
 
 #[test]
-#[ignore = "takes ten minutes in release"]
+#[cfg_attr(debug_assertions, ignore = "takes minutes unoptimised")]
 fn a_cloth_of_64_by_64_cells_lies_on_every_shape() {
     let mut moved = Vec::new();
     for collider in colliders() {
