@@ -61,7 +61,7 @@ fn options() -> Options {
 
 fn parse(text: &str) -> Result<MassSpringScene, SceneError> {
     let malformed = |error: SpannedError, path: String| {
-        // What serde_path_to_error prints for the root, and for a field whose name was not read.
+        // What serde_path_to_error prints for the root, and where the name of a field was not read.
         let path = path.trim_end_matches("?").trim_end_matches('.').to_owned();
         let SpannedError { code, span } = error;
         let position = Position { line: span.end.line, column: span.end.col };

@@ -89,7 +89,7 @@ impl<'a> Field<'a> {
         [position + h * (mean * velocity + h * double_mean * push), decay * velocity + h * mean * push]
     }
 
-    /// The same if it started with `velocity` v, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m); air adds to
+    /// The velocity of a free particle `h` seconds after it had `velocity` v, in m/s, by backward Euler: (v + h (g + f/m)) / (1 + h ν/m); air adds to
     /// f and ν.
     pub fn velocity_after(&self, particles: &Particles, slot: usize, velocity: DVec3, h: f64) -> DVec3 {
         let inverse_mass = f64::from(particles.inverse_mass()[slot]);

@@ -38,7 +38,7 @@ pub(super) struct Candidates {
     pub groups: Groups,
     /// The memory from which all this follows.
     version: Option<Version>,
-    /// The memory with whose springs, masses and radii the exclusions are right.
+    /// The memory for which the exclusions were derived from springs, masses and radii.
     exclusions_version: Option<Version>,
     /// Whether contacts have been found since then that the memory does not hold yet.
     ahead: bool,

@@ -1,4 +1,4 @@
-//! Which chains are free: those that do not touch themselves, and whose boxes nothing reaches into.
+//! Which chains are free: they do not touch themselves, and nothing reaches into their boxes.
 //!
 //! Boxes are sorted along an axis and swept (Baraff, *Dynamic simulation of non-penetrating rigid bodies*, 1992): a few
 //! hundred ropes take some tens of microseconds.
@@ -155,7 +155,7 @@ impl ChainSearch {
         bound_lone(bounds, particles, reach, next..particles.len());
     }
 
-    /// Marks the chains whose boxes overlap something as not free; `false` if that is too much work.
+    /// Marks chains as not free where their boxes overlap something; `false` if that is too much work.
     fn find_overlaps(&mut self) -> bool {
         let Self { chains, bounds, keys } = self;
         let extent = bounds.iter().fold(Bounds::NOTHING, |mut all, bounds| {

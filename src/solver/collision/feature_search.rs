@@ -26,7 +26,7 @@ use super::touch_search::{Search, rounding};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
 
-/// Number of edges and triangles whose colliders are looked for together.
+/// Number of edges and triangles for which colliders are looked up together.
 const CHUNK: usize = 16;
 
 /// Number of chunks that one thread takes at a time.
@@ -234,7 +234,7 @@ impl Part {
         }
     }
 
-    /// Looks at the pairs whose clearance is used up, and finds those that touch.
+    /// Computes the distances of pairs anew where the clearance is used up, and finds those that touch.
     fn find(
         &mut self,
         search: Search,

@@ -7,8 +7,8 @@
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
 //! `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
 //! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
-//! `touch.rs` the three kinds of contact, `solve.rs` in which order they are solved. Of colliders: `collider.rs` where they are, `shapes/` what they look like,
-//! `material.rs` how they rebound, `touch_search.rs` which particles touch them, `feature_search.rs` which edges and
+//! `touch.rs` the three kinds of contact, `solve.rs` in which order they are solved. Of colliders: `collider.rs` where they are,
+//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` which particles touch them, `feature_search.rs` which edges and
 //! triangles, `guard.rs` what would pass through, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
 
 mod bodies;

@@ -41,14 +41,13 @@ impl ContactCaches {
         // Contacts of one particle each are solved by the first.
         let are_coupled = touch::are_coupled(&self.touches.all);
         let iterations = if are_coupled { VELOCITY_ITERATIONS } else { 1 };
-        // In piles of loose balls what is below does not give way.
-        let together = are_coupled && !pairs;
-        if together {
+        let takes_back = self.takes_back();
+        if takes_back {
             touch::recall(&mut self.touches.all, &self.touches.last);
             self.touches.all.iter_mut().for_each(|touch| touch.start_velocity(&mut self.bodies));
         }
         for _ in 0..iterations {
-            if self.solve_plane_velocities(together) <= coupled_tolerance {
+            if self.solve_plane_velocities(takes_back) <= coupled_tolerance {
                 break;
             }
         }
@@ -57,6 +56,12 @@ impl ContactCaches {
             let friction = falls_asleep.then_some(rules);
             pairs::finish_velocities(pair_contacts, &mut candidates.groups, bodies, (friction, reach));
         }
+    }
+
+    /// Whether contacts with colliders take back what they have given too much: not where loose balls touch, as what is at the
+    /// bottom of a pile must not give way.
+    fn takes_back(&self) -> bool {
+        self.pair_count() == 0 && touch::are_coupled(&self.touches.all)
     }
 
     /// Those of the contacts with colliders; the largest change of that of a point of a net, m/s.
@@ -70,11 +75,10 @@ impl ContactCaches {
 
     /// Solves the positions at the end of a substep of `substep` seconds.
     pub(super) fn solve_positions(&mut self, rules: PairRules, substep: f32) {
-        let pairs = self.pair_count() > 0;
+        let takes_back = self.takes_back();
         let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
-        let together = touch::are_coupled(&touches.all) && !pairs;
-        if together {
+        if takes_back {
             touches.all.iter_mut().for_each(|touch| touch.start_position(bodies));
         }
         for _ in 0..POSITION_ITERATIONS {
@@ -82,10 +86,10 @@ impl ContactCaches {
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep, together));
+            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep, takes_back));
         }
         touches.last.clear();
-        if together {
+        if takes_back {
             touches.last.extend(touches.all.iter().map(|touch| (touch.key, touch.given)));
         }
     }

@@ -17,6 +17,7 @@ pub struct Vectors {
     pub z: Vec<f32>,
 }
 
+/// See [`Vectors::clear_negligible`].
 struct ClearNegligible<'a>([&'a mut [f32]; 3]);
 
 impl pulp::WithSimd for ClearNegligible<'_> {

@@ -44,8 +44,8 @@ fn resolve_surfaces(
 }
 
 impl Caches {
-    /// Solves all contacts at the end of a substep, which is of the first of `times`, s, and ends when the second part of the tick
-    /// has elapsed; whether those of surfaces have moved anything.
+    /// Solves all contacts at the end of a substep of `duration` seconds, when the part `elapsed` of the tick is done; whether those
+    /// of surfaces have moved anything.
     pub(super) fn resolve_contacts(
         &mut self,
         state: &mut State,
