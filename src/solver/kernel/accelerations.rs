@@ -41,12 +41,12 @@ pub(super) fn block_accelerations(
     let mut force = [&mut **x, &mut **y, &mut **z];
     let count = force[0].len();
     let range = block.slots.start..block.slots.start + count;
-    for (axis, force) in force.iter_mut().enumerate() {
-        let applied_force = &motion.applied_force[axis][range.clone()];
-        let velocity = &motion.velocity[axis][range.clone()];
-        for part in in_vectors(block.slots.start, count) {
-            let (applied_force, velocity) = (&applied_force[part.clone()], &velocity[part.clone()]);
-            let force = &mut force[part];
+    for part in in_vectors(block.slots.start, count) {
+        let slots = range.start + part.start..range.start + part.end;
+        for (axis, force) in force.iter_mut().enumerate() {
+            let applied_force = &motion.applied_force[axis][slots.clone()];
+            let velocity = &motion.velocity[axis][slots.clone()];
+            let force = &mut force[part.clone()];
             for index in 0..force.len() {
                 // The drag of the medium: −ν v. Plus 0, so that it is never −0: to add 0 later changes no bit.
                 force[index] = (applied_force[index] + 0.0) - field.viscosity * velocity[index];
@@ -65,10 +65,11 @@ pub(super) fn block_accelerations(
     add_all_loose(block, motion, &mut force);
     // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
     // acceleration, so that free fall does not depend on the mass, not even by a rounding.
-    let inverse_mass = &motion.inverse_mass[range.clone()];
-    for (force, gravity) in force.iter_mut().zip(field.gravity.to_array()) {
-        for part in in_vectors(block.slots.start, count) {
-            let (inverse_mass, force) = (&inverse_mass[part.clone()], &mut force[part]);
+    let gravity = field.gravity.to_array();
+    for part in in_vectors(block.slots.start, count) {
+        let inverse_mass = &motion.inverse_mass[range.start + part.start..range.start + part.end];
+        for (force, gravity) in force.iter_mut().zip(gravity) {
+            let force = &mut force[part.clone()];
             for index in 0..force.len() {
                 let free = force[index] * inverse_mass[index] + gravity;
                 force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };

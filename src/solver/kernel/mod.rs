@@ -172,14 +172,14 @@ impl pulp::WithSimd for &mut Advance<'_> {
         let &mut Accelerate { block, motion, field, ref mut acceleration } = accelerate;
         block_accelerations(block, motion, field, acceleration);
         let (substep, start, count) = (*substep, block.slots.start, acceleration[0].len());
-        for axis in 0..3 {
-            for part in in_vectors(start, count) {
+        for part in in_vectors(start, count) {
+            for axis in 0..3 {
                 let slots = start + part.start..start + part.end;
                 let old_velocity = &motion.velocity[axis][slots.clone()];
                 let old_position = &motion.position[axis][slots];
                 let acceleration = &acceleration[axis][part.clone()];
                 let velocity = &mut moved.velocity[axis][part.clone()];
-                let position = &mut moved.position[axis][part];
+                let position = &mut moved.position[axis][part.clone()];
                 for index in 0..position.len() {
                     velocity[index] = old_velocity[index] + substep * acceleration[index];
                     position[index] = old_position[index] + substep * velocity[index];
