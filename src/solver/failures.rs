@@ -16,7 +16,7 @@
 use bevy::math::Vec3;
 
 use crate::solver::elements::{Element, Elements, Release};
-use crate::solver::graph::Islands;
+use crate::solver::graph::{Islands, spring_ends};
 use crate::solver::outputs::Broken;
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
@@ -89,7 +89,8 @@ impl Failures {
         }
         let islands = islands();
         for candidate in &mut self.candidates {
-            let ([first, second], spring) = springs.with_ends(candidate.spring as usize);
+            let number = candidate.spring as usize;
+            let ([first, second], spring) = (spring_ends(elements, number), springs.elements()[number]);
             let slot = if particles.is_pinned(first) { second } else { first };
             candidate.slot = slot as u32;
             let Some(island) = islands.of(slot) else { continue };
@@ -112,7 +113,7 @@ impl Failures {
             .map(|overload| overload.candidate)
             .filter(|candidate| candidate.release > 0.0)
             .map(|candidate| {
-                let (ends, _) = elements.springs().with_ends(candidate.spring as usize);
+                let ends = spring_ends(elements, candidate.spring as usize);
                 Release { slots: ends.map(|end| end as u32), time_left: candidate.release }
             })
     }
@@ -186,8 +187,8 @@ fn choose(overloaded: &mut Vec<Overload>, waiting: &[u32]) {
 
 fn broken_spring(overload: &Overload, elements: &Elements, particles: &Particles) -> Broken {
     let number = overload.candidate.spring as usize;
-    let (ends, spring) = elements.springs().with_ends(number);
-    let [first, second]: [Vec3; 2] = ends.map(|end| particles.position.get(end));
+    let spring = elements.springs().elements()[number];
+    let [first, second]: [Vec3; 2] = spring_ends(elements, number).map(|end| particles.position.get(end));
     Broken {
         spring: number,
         tension: overload.tension as f32,

@@ -8,7 +8,7 @@ use crate::solver::air::Air;
 use crate::solver::collision::{Collider, ContactCaches, Skin, Surfaces};
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
-use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident, spring_ends};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Net, Position, Scratch};
@@ -127,6 +127,7 @@ pub(crate) fn step(
         }
         caches.fail(state, outputs, plan, (index, duration));
     }
+    caches.correct_velocities(state, inputs, settings, duration);
     caches.end_tick(state, plan);
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -252,17 +253,27 @@ impl Caches {
         yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
         let changed = yielded.iter().map(|(spring, _)| *spring as usize);
         for spring in removed.iter().copied().chain(changed) {
-            let (ends, parameters) = elements.springs().with_ends(spring);
-            ends.into_iter().for_each(|end| pulls.forget(end));
+            spring_ends(elements, spring).into_iter().for_each(|end| pulls.forget(end));
             if !plan.integrator.is_implicit() {
-                self.blocks.set_parameters(spring, parameters);
+                self.blocks.set_parameters(spring, elements.springs().elements()[spring]);
             }
         }
         releases.extend(self.failures.released(elements));
-        self.scratch.disturb();
+        self.scratch.outdate();
         if !removed.is_empty() {
             contacts.request_search();
             self.strain_limits.prepare(elements, particles);
+        }
+    }
+
+    /// Corrects the velocities at the end of the last substep, of `substep` seconds, see [`schemes::end_tick`].
+    fn correct_velocities(&mut self, state: &mut State, inputs: &Inputs, settings: &StepSettings, substep: f32) {
+        let pinned = PinnedMotions { motions: &inputs.pinned, elapsed: 1.0, time_step: settings.time_step };
+        let Self { blocks, scratch, air, contacts, .. } = self;
+        let State { elements, particles, .. } = state;
+        let field = (&*elements, Field::of(settings, air.load()));
+        if schemes::end_tick(field, pinned, blocks, particles, scratch, substep) {
+            contacts.stop_approaching(particles);
         }
     }
 

@@ -18,6 +18,7 @@ mod easing;
 mod gather;
 mod hierarchy;
 mod nets;
+mod options;
 mod records;
 mod registry;
 mod relocate;

@@ -11,6 +11,7 @@ use crate::report::TickReport;
 use crate::solver::Measurements;
 use crate::spring::Spring;
 
+use super::options::OptionalComponents;
 use super::records::{ColliderRecord, NetRecord, PartRecord, ParticleRecord, SpringRecord};
 use super::state::MassSpringState;
 
@@ -44,6 +45,7 @@ pub struct Snapshot {
     parts: Vec<PartRecord>,
     bends: Vec<(Entity, Bend)>,
     colliders: Vec<ColliderRecord>,
+    options: OptionalComponents,
     /// `None` for an initial state, before any tick has run.
     state: Option<MassSpringState>,
 }
@@ -85,15 +87,19 @@ impl Snapshot {
         let parts = parts.filter_map(|(net, part)| PartRecord::of(world, net, part)).collect();
         let bends = state.bends.all.entities();
         let bends = bends.filter_map(|entity| Some((entity, *world.get::<Bend>(entity)?))).collect();
-        Self { particles, springs, bends, nets, parts, colliders, state: Some(state.clone()) }
+        let state = Some(state.clone());
+        let mut snapshot = Self { particles, springs, bends, nets, parts, colliders, state, ..Self::default() };
+        snapshot.options = OptionalComponents::of(world, snapshot.entities().into_iter());
+        snapshot
     }
 
     /// Puts all particles, springs, bends, nets and colliders of the snapshot back that still exist, and the solver with them.
     ///
-    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends and the place and parameters of
-    /// colliders return to what they were; particles that were quarantined and springs that broke
-    /// since come back. Entities that were
-    /// despawned stay so. Entities that were spawned since keep their components and join as if they had just been
+    /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends, the place and parameters of
+    /// colliders, and what they all have of [`ContactMaterial`](crate::ContactMaterial),
+    /// [`ContactLayers`](crate::ContactLayers), [`ColliderMotion`](crate::ColliderMotion), [`Breaking`](crate::nets::Breaking) and
+    /// [`Winch`](crate::nets::Winch) return to what they were; particles that were quarantined and springs that broke
+    /// since come back. The `Transform`s of parents are the app's to put back. Entities that were despawned stay so. Entities that were spawned since keep their components and join as if they had just been
     /// spawned.
     ///
     /// # Panics
@@ -134,6 +140,19 @@ impl Snapshot {
         Ok(())
     }
 
+    /// All entities that it holds, particles first.
+    fn entities(&self) -> Vec<Entity> {
+        let parts = [
+            self.particle_entities(),
+            self.spring_entities(),
+            self.bend_entities(),
+            self.net_entities(),
+            self.part_entities(),
+            self.collider_entities(),
+        ];
+        parts.concat()
+    }
+
     fn particle_entities(&self) -> Vec<Entity> {
         self.particles.iter().map(|record| record.entity).collect()
     }
@@ -159,7 +178,8 @@ impl Snapshot {
     }
 
     fn put_back(self, world: &mut World) {
-        let Self { particles, springs, bends, nets, parts, colliders, state } = self;
+        let entities = self.entities();
+        let Self { particles, springs, bends, nets, parts, colliders, options, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)
                 && entity.contains::<Particle>()
@@ -177,7 +197,10 @@ impl Snapshot {
         }
         colliders.iter().for_each(|record| record.restore(world));
         match state {
-            Some(state) => *world.resource_mut::<MassSpringState>() = state,
+            Some(state) => {
+                options.restore(world, &entities.into_iter().collect());
+                *world.resource_mut::<MassSpringState>() = state;
+            }
             None => world.resource_mut::<MassSpringState>().restart(),
         }
     }
@@ -199,6 +222,7 @@ impl MapEntities for Snapshot {
             bend.map_entities(mapper);
         }
         self.colliders.iter_mut().for_each(|record| record.entity = mapper.get_mapped(record.entity));
+        self.options.map_entities(mapper);
         if let Some(state) = &mut self.state {
             state.map_entities(mapper);
         }
@@ -212,13 +236,7 @@ pub(super) struct InitialState(Snapshot);
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        let Snapshot { particles, springs, bends, nets, colliders, .. } = &self.0;
-        let particles = particles.iter().map(|record| record.entity);
-        let springs = springs.iter().map(|record| record.entity);
-        let bends = bends.iter().map(|(entity, _)| *entity);
-        let nets = nets.iter().map(|record| record.entity);
-        let colliders = colliders.iter().map(|record| record.entity);
-        particles.chain(springs).chain(bends).chain(nets).chain(colliders).collect()
+        self.0.entities().into_iter().collect()
     }
 
     pub fn record_particle(

@@ -185,6 +185,19 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
 }
 
 impl ContactCaches {
+    /// What touched a collider in the last substep approaches it no longer.
+    pub fn stop_approaching(&self, particles: &mut Particles) {
+        for contact in &self.plane_contacts {
+            let normal = self.surfaces[contact.plane].normal;
+            let velocity = Vec3A::from(particles.velocity.get(contact.slot));
+            let approach = (contact.surface_velocity - velocity).dot(normal);
+            if approach > 0.0 {
+                particles.velocity.set(contact.slot, (velocity + normal * approach).into());
+            }
+        }
+        self.touches.all.iter().for_each(|touch| touch.stop_approaching(particles));
+    }
+
     /// Puts those of the particles of which `each` tells that contacts of surfaces have pressed into a half-space back onto it;
     /// whether there were any.
     pub fn put_onto_half_spaces(

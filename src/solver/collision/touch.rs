@@ -14,6 +14,7 @@
 use bevy::math::Vec3A;
 
 use super::bodies::Body;
+use crate::solver::particles::Particles;
 use super::response::{shortened, tangential};
 
 /// Particles of a point, at most.
@@ -132,6 +133,20 @@ impl Touch {
             self.impulse = change * self.mass;
             let change_of_velocity = self.normal * change + rubbed;
             self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
+        }
+    }
+
+    /// Has the point approach the surface no longer.
+    pub fn stop_approaching(&self, particles: &mut Particles) {
+        let slots = || self.slots[..self.count as usize].iter().map(|slot| *slot as usize);
+        let velocities = slots().map(|slot| Vec3A::from(particles.velocity.get(slot)));
+        let velocity: Vec3A = velocities.zip(self.weights).map(|(velocity, weight)| velocity * weight).sum();
+        let approach = (self.surface_velocity - velocity).dot(self.normal);
+        if approach > 0.0 {
+            for (slot, share) in slots().zip(self.shares) {
+                let velocity = Vec3A::from(particles.velocity.get(slot)) + self.normal * (approach * share);
+                particles.velocity.set(slot, velocity.into());
+            }
         }
     }
 

@@ -75,6 +75,8 @@ impl<const N: usize> Bend<N> {
 }
 
 impl<const N: usize> Element<N> for Bend<N> {
+    const HAS_RUNS: bool = true;
+
     #[inline(always)]
     fn weights(&self) -> [f32; N] {
         self.weights
@@ -122,6 +124,7 @@ impl<const N: usize> Element<N> for Bend<N> {
 #[cfg(test)]
 mod tests {
     use super::super::Spring;
+    use super::super::sling::Sling;
     use super::*;
     use crate::solver::energy::measure;
     use crate::solver::outputs::Outputs;
@@ -206,19 +209,18 @@ mod tests {
     }
 
     /// Sums of up to N · 100 numbers below 1, each rounded by 2⁻²⁴: 4 · 100 · 6e-8.
-    fn follows_its_recurrence<const N: usize>(weights: [f32; N], masses: [f32; N])
+    fn follows_its_recurrence<E: Element<N>, const N: usize>(masses: [f32; N], element: impl Fn([f32; 2]) -> E)
     where
-        super::super::Elements: super::super::Holds<Bend<N>, N>,
+        super::super::Elements: super::super::Holds<E, N>,
     {
+        let weights = element([0.0; 2]).weights();
         for integrator in Integrator::named() {
             let (mut state, mobility) = bent(weights, masses);
             let ends = std::array::from_fn(|end| end as u32);
             // The dampers of these go by ‖s‖, which is not linear where s passes through zero.
             let goes_by_length = integrator.is_implicit() || integrator == Integrator::Xpbd;
             let damping = if goes_by_length { 0.0 } else { DAMPING };
-            let bend =
-                Bend { rest_length: 0.0, stiffness: STIFFNESS as f32, damping: damping as f32, weights };
-            state.elements.push(ends, bend);
+            state.elements.push(ends, element([STIFFNESS as f32, damping as f32]));
             let rates = [STIFFNESS * mobility, damping * mobility];
             let mut expected = mode(&state, &weights);
             let mut caches = Caches::default();
@@ -237,19 +239,24 @@ mod tests {
         }
     }
 
+    fn bend<const N: usize>(weights: [f32; N]) -> impl Fn([f32; 2]) -> Bend<N> {
+        move |[stiffness, damping]| Bend { rest_length: 0.0, stiffness, damping, weights }
+    }
+
     #[test]
-    fn another_kind_of_two_ends_follows_its_recurrence_in_every_scheme() {
-        follows_its_recurrence([1.0, -1.0], [3.0, 8.0]);
+    fn a_kind_of_one_file_and_one_line_follows_its_recurrence_in_every_scheme() {
+        let sling = |[stiffness, damping]: [f32; 2]| Sling { stiffness, damping };
+        follows_its_recurrence([3.0, 8.0, 4.0], sling);
     }
 
     #[test]
     fn a_rod_of_three_ends_follows_its_recurrence_in_every_scheme() {
-        follows_its_recurrence([1.0, -2.0, 1.0], [3.0, 8.0, 4.0]);
+        follows_its_recurrence([3.0, 8.0, 4.0], bend([1.0, -2.0, 1.0]));
     }
 
     #[test]
     fn a_hinge_of_four_ends_follows_its_recurrence_in_every_scheme() {
-        follows_its_recurrence([0.5, 0.75, -1.5, 0.25], [2.0, 1.0, 4.0, 0.5]);
+        follows_its_recurrence([2.0, 1.0, 4.0, 0.5], bend([0.5, 0.75, -1.5, 0.25]));
     }
 
     /// A rope with rods along it, its first particle pinned: springs, bends and a pinned end in one island.

@@ -6,10 +6,15 @@ use bevy::math::{DVec3, Vec3};
 
 /// What the solver asks of a kind of element with `N` ends.
 ///
-/// All forces are along the separation s = Σ cᵢ xᵢ; end i feels cᵢ times the *pull*.
+/// All forces are along the separation s = Σ cᵢ xᵢ; end i feels cᵢ times the *pull*. Its law is that of a spring and a damper,
+/// k (‖s‖ − r) + c d‖s‖/dt, maybe one-sided: so it has a [`Potential`], [`Rates`], and one tension.
 pub(in crate::solver) trait Element<const N: usize>:
     Copy + Default + PartialEq + Debug + Send + Sync + 'static
 {
+    /// Whether the graph sorts elements of this kind into runs, for which the kernel has code of its own. Those of other
+    /// kinds are computed one by one.
+    const HAS_RUNS: bool = false;
+
     /// The weights c, which add up to 0. Those of an element of two ends are (1, −1).
     fn weights(&self) -> [f32; N];
 

@@ -5,7 +5,7 @@
 //! that it adds no angular momentum. A spring has two ends and c = (1, −1). With more ends the same contract
 //! carries rods that resist bending (1, −2, 1) and the hinges of a cloth.
 //!
-//! A new kind is one file, and one line in [`for_each_kind`].
+//! A new kind is one file, and one line in [`for_each_kind`]: `sling.rs` shows it.
 
 mod air;
 mod bend;
@@ -15,6 +15,8 @@ mod element;
 mod failure;
 mod gas;
 mod mesh;
+#[cfg(test)]
+pub(super) mod sling;
 mod spring;
 mod table;
 mod versions;
@@ -51,10 +53,10 @@ pub(super) struct Acting<'a> {
 macro_rules! for_each_kind {
     ($callback:ident) => {
         $callback! {
-            springs: Spring, 2;
-            #[cfg(test)] ties: Bend<2>, 2;
-            rods: Bend<3>, 3;
-            hinges: Bend<4>, 4;
+            springs: crate::solver::elements::Spring, 2;
+            rods: crate::solver::elements::Bend<3>, 3;
+            hinges: crate::solver::elements::Bend<4>, 4;
+            #[cfg(test)] slings: crate::solver::elements::sling::Sling, 3;
         }
     };
 }
@@ -64,7 +66,6 @@ pub(super) use for_each_kind;
 macro_rules! for_each_bend {
     ($callback:ident) => {
         $callback! {
-            #[cfg(test)] ties: 2;
             rods: 3;
             hinges: 4;
         }

@@ -38,6 +38,8 @@ impl Spring {
 }
 
 impl Element<2> for Spring {
+    const HAS_RUNS: bool = true;
+
     #[inline(always)]
     fn weights(&self) -> [f32; 2] {
         [1.0, -1.0]

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::bend_runs::BendRuns;
-use crate::solver::elements::{Bend, Spring, Table, for_each_kind};
+use crate::solver::elements::{Spring, Table, for_each_kind};
 
 /// Runs shorter than this are loose: a vector would not be filled.
 pub(in crate::solver) const MIN_RUN: usize = 8;

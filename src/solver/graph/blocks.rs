@@ -7,7 +7,7 @@
 //! Within a block springs are sorted by the offset between their two slots, then by slot. Ropes, cloths and
 //! lattices then fall into long *runs*, in which the first ends are consecutive and the second ends too: eight
 //! springs are loaded, computed and stored at a time without gathering. The others are *loose*, taken one by one.
-//! Bends fall into runs in the same way (`bend_blocks.rs`).
+//! Bends fall into runs in the same way (`bend_blocks.rs`); elements of other kinds are loose (`loose_blocks.rs`).
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
@@ -16,6 +16,7 @@ use std::ops::Range;
 use super::bend_blocks::BendPlaces;
 use super::block::{Block, Entry, Loose, Owned};
 use super::layout::Layout;
+use super::loose_blocks::LoosePlaces;
 use crate::solver::elements::{Element, Elements, Spring, Table};
 use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
@@ -32,6 +33,7 @@ pub(in crate::solver) struct Blocks {
     /// Where the parameters of each spring are; in the second place only for a spring between two blocks.
     places: Vec<[Option<Place>; 2]>,
     pub(super) bend_places: BendPlaces,
+    pub(super) loose_places: LoosePlaces,
     particles: usize,
     version: Version,
     excluded: Version,
@@ -71,6 +73,7 @@ impl Blocks {
         if is_listed && is_whole && !self.blocks.is_empty() {
             self.update(elements.springs(), elements.sorted_particles(), count);
             self.update_bends(elements);
+            self.update_loose(elements);
         } else {
             self.build(elements, count, is_excluded);
         }
@@ -83,6 +86,7 @@ impl Blocks {
         let ramps = elements.springs().ramps().iter();
         ramps.for_each(|ramp| self.set_parameters(ramp.index as usize, ramp.at(share)));
         self.ramp_bends_to(elements, share);
+        self.ramp_loose_to(elements, share);
     }
 
     /// Gives a spring other parameters.
@@ -171,6 +175,8 @@ impl Blocks {
             self.add_spring(springs, index);
         }
         self.list_bends(elements, &layout);
+        self.loose_places = LoosePlaces::default();
+        self.list_loose(elements);
     }
 
     fn add_ranges(

@@ -4,7 +4,7 @@ use bevy::math::Vec3;
 
 use super::bends::AddBends;
 use super::{Motion, in_vectors, run};
-use crate::solver::elements::{Bend, Element, Spring, for_each_kind};
+use crate::solver::elements::{Element, Spring, for_each_kind};
 use crate::solver::field::Field;
 use crate::solver::graph::block::{Block, Loose, MIN_RUN, Run};
 

@@ -57,6 +57,11 @@ impl Scratch {
     pub fn disturb(&mut self) {
         self.steps.carried.disturb();
     }
+
+    /// To be called when elements have broken or yielded.
+    pub fn outdate(&mut self) {
+        self.steps.carried.outdate();
+    }
 }
 
 /// What an explicit scheme works on.
@@ -150,6 +155,27 @@ pub(super) fn advance(
         }
         Integrator::Xpbd => xpbd.advance(net, stage.blocks, stage.particles, stage.acceleration, substep),
     }
+}
+
+/// After the last substep of a tick, of `substep` seconds, and its contacts: corrects the velocities where the scheme has evaluated
+/// accelerations elsewhere than contacts have left the particles. Returns whether it has.
+pub(super) fn end_tick(
+    (elements, field): (&Elements, Field),
+    pinned: PinnedMotions,
+    blocks: &mut Blocks,
+    particles: &mut Particles,
+    scratch: &mut Scratch,
+    substep: f32,
+) -> bool {
+    let Scratch { acceleration, steps, gas, .. } = scratch;
+    if steps.carried != velocity_verlet::Carried::Disturbed {
+        return false;
+    }
+    let elapsed = [pinned.elapsed; 2];
+    let mut stage =
+        Stage { particles, blocks, elements, elapsed, field, pinned, acceleration, scratch: steps, gas };
+    velocity_verlet::evaluate_again(&mut stage, substep);
+    true
 }
 
 /// `values` += `factor` · `slopes`.

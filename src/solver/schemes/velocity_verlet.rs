@@ -4,10 +4,16 @@
 //! evaluated at the predicted velocity v + h a (Groot and Warren, *J. Chem. Phys.* 107, 4423, 1997, with
 //! λ = 1), which keeps the second order with damping and is the original scheme without. The a of a substep
 //! is the a' of the one before, so that each costs one evaluation; the first of a tick takes a(x, v).
+//!
+//! Contacts come after the substep. What bears a load has sunk by h²/2 a by then, where a' was evaluated, and is put back: what
+//! it bears would rest on springs that are squeezed by h² k / 2 m too much, nearly twice what they should at the limit of
+//! stability. So a' is evaluated once more where contacts have left the particles, and all velocities change by h/2 of the
+//! difference: v' = v + h/2 (a + a'), with the a' that the next substep begins with. This keeps momentum, as a' does.
 
-use super::{Stage, verlet_in_air};
+use super::{Stage, StepVectors, verlet_in_air};
 use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict};
 use crate::solver::parallel;
+use crate::solver::graph::Blocks;
 use crate::solver::particles::Vectors;
 
 /// What the last substep has left for the next one, besides the state.
@@ -18,6 +24,8 @@ pub(super) enum Carried {
     Nothing,
     /// Accelerations, but contacts have moved some particles since.
     Disturbed,
+    /// Accelerations, but elements have broken or yielded since: what they did until then they did.
+    Outdated,
     /// The accelerations a'.
     Accelerations,
 }
@@ -29,25 +37,28 @@ impl Carried {
             *self = Self::Disturbed;
         }
     }
+
+    /// Elements have broken or yielded.
+    pub fn outdate(&mut self) {
+        if *self != Self::Nothing {
+            *self = Self::Outdated;
+        }
+    }
 }
 
 pub(super) fn advance(stage: &mut Stage, substep: f32) {
     if let Some(air) = stage.field.air {
         return verlet_in_air::advance(stage, air, substep);
     }
-    if stage.scratch.carried == Carried::Nothing {
-        stage.evaluate();
+    match stage.scratch.carried {
+        Carried::Nothing => stage.evaluate(),
+        Carried::Disturbed | Carried::Outdated => evaluate_again(stage, substep),
+        Carried::Accelerations => {}
     }
-    let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
-    let (other_velocity, other_acceleration) = (&mut scratch.velocity, &mut scratch.velocity_slope);
+    let Stage { particles, blocks, acceleration, scratch, .. } = stage;
+    let StepVectors { velocity: other_velocity, velocity_slope: other_acceleration, .. } = &mut **scratch;
     other_velocity.resize(particles.len());
     other_acceleration.resize(particles.len());
-    if scratch.carried == Carried::Disturbed {
-        restore_predicted(other_velocity, &particles.velocity, [other_acceleration, acceleration], substep);
-        let motion = Motion::at(&particles.position, other_velocity, particles);
-        let field = gas.evaluate(elements.gases(), &particles.position, *field);
-        kernel::evaluate(motion, blocks, field, acceleration);
-    }
     let is_shared = blocks.are_worth_sharing();
 
     let (position, velocity) = (&mut particles.position, &mut particles.velocity);
@@ -75,6 +86,42 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     std::mem::swap(&mut particles.velocity, other_velocity);
     std::mem::swap(*acceleration, other_acceleration);
     scratch.carried = Carried::Accelerations;
+}
+
+/// Evaluates the a' of the last substep where contacts have left the particles since, and corrects the velocities by it.
+pub(super) fn evaluate_again(stage: &mut Stage, substep: f32) {
+    if let Some(air) = stage.field.air {
+        return verlet_in_air::evaluate_again(stage, air, substep);
+    }
+    let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
+    let StepVectors { velocity: predicted, velocity_slope: again, carried, .. } = &mut **scratch;
+    restore_predicted(predicted, &particles.velocity, [again, acceleration], substep);
+    let motion = Motion::at(&particles.position, predicted, particles);
+    let field = gas.evaluate(elements.gases(), &particles.position, *field);
+    kernel::evaluate(motion, blocks, field, again);
+    if *carried == Carried::Disturbed {
+        correct(&mut particles.velocity, blocks, [acceleration, again], |_| 0.5 * substep);
+    }
+    std::mem::swap(*acceleration, again);
+    *carried = Carried::Accelerations;
+}
+
+/// Changes the velocities of the particles in `blocks` by the difference of two accelerations times the `share` of the slot.
+pub(super) fn correct(
+    velocity: &mut Vectors,
+    blocks: &Blocks,
+    [first, again]: [&Vectors; 2],
+    share: impl Fn(usize) -> f32,
+) {
+    let axes = velocity.axes_mut().into_iter().zip(first.axes().into_iter().zip(again.axes()));
+    for (velocity, (first, again)) in axes {
+        for slot in blocks.blocks.iter().flat_map(|block| block.slots.clone()) {
+            // All others keep their velocity to the bit, the sign of a zero included.
+            if again[slot] != first[slot] {
+                velocity[slot] += share(slot) * (again[slot] - first[slot]);
+            }
+        }
+    }
 }
 
 /// Makes `predicted` what it would have been if the disturbed particles had come with their present

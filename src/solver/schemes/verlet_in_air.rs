@@ -9,8 +9,8 @@
 //! m + h d, so that its limit h²K + 4 h C < 4 M is what it is in vacuum: air adds 4 h d to either side. Without other
 //! forces v' = v (1 + y²)/2 with y = 1/(1 + h d/m), relative to the air: it never gains speed.
 
-use super::Stage;
-use super::velocity_verlet::Carried;
+use super::velocity_verlet::{self, Carried};
+use super::{Stage, StepVectors};
 use crate::solver::field::{AirLoad, Field};
 use crate::solver::kernel::{self, Accelerate, CorrectInAir, Motion, PredictInAir};
 use crate::solver::parallel;
@@ -27,20 +27,16 @@ pub(super) struct Vectors {
 
 pub(super) fn advance(stage: &mut Stage, air: &AirLoad, substep: f32) {
     let field = Field { air: None, ..stage.field };
-    let Stage { particles, blocks, elements, acceleration, scratch, gas, .. } = stage;
-    let Vectors { vacuum, corrected } = &mut scratch.air;
-    let predicted = &mut scratch.velocity;
-    vacuum.resize(particles.len());
-    predicted.resize(particles.len());
-    if scratch.carried == Carried::Disturbed {
-        restore_predicted(predicted, &particles.velocity, corrected);
+    if matches!(stage.scratch.carried, Carried::Disturbed | Carried::Outdated) {
+        evaluate_again(stage, air, substep);
     }
-    if scratch.carried != Carried::Accelerations {
-        let is_first = scratch.carried == Carried::Nothing;
-        let velocity = if is_first { &particles.velocity } else { &*predicted };
-        let motion = Motion::at(&particles.position, velocity, particles);
+    let Stage { particles, blocks, elements, acceleration, scratch, gas, .. } = stage;
+    let Vectors { vacuum, .. } = &mut scratch.air;
+    vacuum.resize(particles.len());
+    scratch.velocity.resize(particles.len());
+    if scratch.carried == Carried::Nothing {
         let field = gas.evaluate(elements.gases(), &particles.position, field);
-        kernel::evaluate(motion, blocks, field, vacuum);
+        kernel::evaluate(Motion::of(particles), blocks, field, vacuum);
     }
     let is_shared = blocks.are_worth_sharing();
 
@@ -70,6 +66,25 @@ pub(super) fn advance(stage: &mut Stage, air: &AirLoad, substep: f32) {
     std::mem::swap(&mut particles.velocity, predicted);
     corrected.copy_from(&particles.velocity);
     scratch.carried = Carried::Accelerations;
+}
+
+/// What [`velocity_verlet`](super::velocity_verlet::evaluate_again) does: here v' depends on a' by h/2 a' / (1 + h d/m).
+pub(super) fn evaluate_again(stage: &mut Stage, air: &AirLoad, substep: f32) {
+    let field = Field { air: None, ..stage.field };
+    let Stage { particles, blocks, elements, scratch, gas, .. } = stage;
+    let StepVectors { velocity: predicted, velocity_slope: again, air: Vectors { vacuum, corrected }, carried, .. } =
+        &mut **scratch;
+    restore_predicted(predicted, &particles.velocity, corrected);
+    again.resize(particles.len());
+    let motion = Motion::at(&particles.position, predicted, particles);
+    let field = gas.evaluate(elements.gases(), &particles.position, field);
+    kernel::evaluate(motion, blocks, field, again);
+    if *carried == Carried::Disturbed {
+        let share = |slot: usize| 0.5 * substep * air.gain[slot];
+        velocity_verlet::correct(&mut particles.velocity, blocks, [vacuum, again], share);
+    }
+    std::mem::swap(vacuum, again);
+    *carried = Carried::Accelerations;
 }
 
 /// What [`velocity_verlet`](super::velocity_verlet) does for the same purpose, with the velocities v' at hand.
