@@ -36,8 +36,9 @@ pub struct Outputs {
     /// The contacts of all substeps, in the order of these.
     pub contacts: Vec<ContactRecord>,
     /// The tension of each spring at the end of the tick, damper included, and after them those of the bends, N; negative where it pushes, 0 where
-    /// it was removed. Of springs that an implicit scheme advances it is that of the solved equations; of others it
-    /// follows from the positions, whose rounding times the stiffness it may err by.
+    /// it was removed. Of what rests, but for rounding, it is that which balances the loads. Of other springs that an implicit
+    /// scheme advances it is that of the solved equations; of the rest it follows from the positions, whose rounding times the
+    /// stiffness it may err by.
     pub tensions: Vec<f32>,
     /// The slot of each pinned particle with springs or a gas, and the force with which these pull at it at the end of the
     /// tick, N; by slot.
@@ -76,8 +77,8 @@ impl Outputs {
         self.gases.extend(elements.gases().all().iter().map(reading));
     }
 
-    /// Computes the forces. `solved` has the tensions of the elements whose equations were solved; of others it has
-    /// nothing, or NaN.
+    /// Computes the forces. `solved` has the tensions of the elements that rest, or whose equations were solved; of others
+    /// NaN.
     pub(super) fn end_tick(&mut self, elements: &Elements, particles: &Particles, solved: &[f64]) {
         let Self { tensions, reactions, forces, gradient, .. } = self;
         tensions.resize(elements.len(), 0.0);

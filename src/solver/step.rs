@@ -1,11 +1,13 @@
 //! A tick: plan → substeps → outputs.
 
+mod forces;
 mod plans;
 mod stiff;
 mod stops;
 
 use crate::solver::air::Air;
 use crate::solver::collision::{Collider, ContactCaches, Skin, Surfaces};
+use crate::solver::elements::Balance;
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident, spring_ends};
@@ -47,6 +49,7 @@ pub(crate) struct Caches {
     air: Air,
     /// Working memory.
     tensions: Vec<f64>,
+    balance: Balance,
     interleaved: Interleaved,
     scratch: Scratch,
     contacts: ContactCaches,
@@ -127,7 +130,7 @@ pub(crate) fn step(
         }
         caches.fail(state, outputs, plan, (index, duration));
     }
-    caches.correct_velocities(state, inputs, settings, duration);
+    caches.correct_velocities(state, inputs, outputs, settings, duration);
     caches.end_tick(state, plan);
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -141,10 +144,7 @@ pub(crate) fn step(
     state.pulls.end_tick();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
     outputs.contact_count = caches.contacts.count() + caches.surfaces.count() + in_implicit_step;
-    if outputs.record_forces {
-        let solved = caches.solved_tensions(plan, state.elements.len());
-        outputs.end_tick(&state.elements, &state.particles, solved);
-    }
+    caches.publish_forces(state, outputs, settings, plan, duration);
     outputs.read_gases(&state.elements, &state.particles.position);
 }
 
@@ -166,9 +166,7 @@ impl Caches {
         state.releases.retain(|release| release.time_left > 0.0);
         state.air_clock.advance(settings.wind, settings.time_step);
         outputs.contact_count = 0;
-        if outputs.record_forces {
-            outputs.end_tick(&state.elements, &state.particles, &[]);
-        }
+        self.publish_forces(state, outputs, settings, Plan::default(), settings.time_step);
         outputs.read_gases(&state.elements, &state.particles.position);
     }
 
@@ -197,16 +195,6 @@ impl Caches {
     pub fn better_order(&mut self, state: &State) -> Option<Vec<u32>> {
         let islands = self.planner.refresh_islands(&state.elements, &state.particles);
         better_order(&state.elements, &state.particles, &mut self.neighbours, islands)
-    }
-
-    /// The tension of each element that implicit steps have solved for, N; NaN of others.
-    fn solved_tensions(&mut self, plan: Plan, elements: usize) -> &[f64] {
-        self.tensions.clear();
-        if plan.is_implicit() {
-            self.tensions.resize(elements, f64::NAN);
-            self.implicit_euler.read_tensions(&mut self.tensions);
-        }
-        &self.tensions
     }
 
     /// Keeps the strain limits at the end of a substep, when `elapsed` of the tick is done.
@@ -267,13 +255,21 @@ impl Caches {
     }
 
     /// Corrects the velocities at the end of the last substep, of `substep` seconds, see [`schemes::end_tick`].
-    fn correct_velocities(&mut self, state: &mut State, inputs: &Inputs, settings: &StepSettings, substep: f32) {
+    fn correct_velocities(
+        &mut self,
+        state: &mut State,
+        inputs: &Inputs,
+        outputs: &mut Outputs,
+        settings: &StepSettings,
+        substep: f32,
+    ) {
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed: 1.0, time_step: settings.time_step };
         let Self { blocks, scratch, air, contacts, .. } = self;
         let State { elements, particles, .. } = state;
         let field = (&*elements, Field::of(settings, air.load()));
         if schemes::end_tick(field, pinned, blocks, particles, scratch, substep) {
-            contacts.stop_approaching(particles);
+            let records = if outputs.record_contacts { &mut outputs.contacts[..] } else { &mut [] };
+            contacts.stop_approaching(particles, records);
         }
     }
 

@@ -92,6 +92,8 @@ pub(super) struct ContactCaches {
     sweep: Sweep,
     /// Whether the last substep of contacts has moved any particle.
     have_moved: bool,
+    /// Where those of the last substep begin among the records, if they are recorded.
+    first_record: usize,
     /// Whether the particle in each slot is in an island of an implicit step, of which what it touches is a part; empty if none is.
     is_implicit: Vec<bool>,
 }

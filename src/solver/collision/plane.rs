@@ -8,7 +8,7 @@ use super::bodies::Body;
 use super::collider::Collider;
 use super::material::{Material, Skin, skin_of};
 use super::response::{Approach, Rebound, friction, tangential};
-use super::{ContactCaches, Substep};
+use super::{ContactCaches, ContactRecord, Substep};
 
 /// A position and an orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,8 +185,14 @@ pub(super) fn solve_velocity(contact: &mut PlaneContact, surface: &Surface, bodi
 }
 
 impl ContactCaches {
-    /// What touched a collider in the last substep approaches it no longer.
-    pub fn stop_approaching(&self, particles: &mut Particles) {
+    /// What touched a collider in the last substep approaches it no longer; the impulse is added to the `records` of that substep.
+    pub fn stop_approaching(&self, particles: &mut Particles, records: &mut [ContactRecord]) {
+        let mut records = records.get_mut(self.first_record..).into_iter().flatten();
+        let mut record = |impulse: f32| {
+            if let Some(record) = records.next() {
+                record.impulse += impulse;
+            }
+        };
         for contact in &self.plane_contacts {
             let normal = self.surfaces[contact.plane].normal;
             let velocity = Vec3A::from(particles.velocity.get(contact.slot));
@@ -194,8 +200,9 @@ impl ContactCaches {
             if approach > 0.0 {
                 particles.velocity.set(contact.slot, (velocity + normal * approach).into());
             }
+            record(approach.max(0.0) / particles.inverse_mass()[contact.slot]);
         }
-        self.touches.all.iter().for_each(|touch| touch.stop_approaching(particles));
+        self.touches.all.iter().for_each(|touch| record(touch.stop_approaching(particles)));
     }
 
     /// Puts those of the particles of which `each` tells that contacts of surfaces have pressed into a half-space back onto it;

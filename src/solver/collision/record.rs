@@ -57,8 +57,9 @@ impl ContactCaches {
         self.candidates.groups.contacts()
     }
 
-    /// Appends the contacts of the last substep.
-    pub(super) fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {
+    /// Appends the contacts of the last substep: those with colliders first.
+    pub(super) fn record(&mut self, particles: &Particles, records: &mut Vec<ContactRecord>) {
+        self.first_record = records.len();
         for contact in &self.plane_contacts {
             let normal = Vec3::from(self.surfaces[contact.plane].normal);
             records.push(ContactRecord {

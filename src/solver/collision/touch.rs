@@ -136,8 +136,8 @@ impl Touch {
         }
     }
 
-    /// Has the point approach the surface no longer.
-    pub fn stop_approaching(&self, particles: &mut Particles) {
+    /// Has the point approach the surface no longer; the impulse of that, N·s.
+    pub fn stop_approaching(&self, particles: &mut Particles) -> f32 {
         let slots = || self.slots[..self.count as usize].iter().map(|slot| *slot as usize);
         let velocities = slots().map(|slot| Vec3A::from(particles.velocity.get(slot)));
         let velocity: Vec3A = velocities.zip(self.weights).map(|(velocity, weight)| velocity * weight).sum();
@@ -148,6 +148,7 @@ impl Touch {
                 particles.velocity.set(slot, velocity.into());
             }
         }
+        approach.max(0.0) * self.mass
     }
 
     /// Begins with the correction of the substep before.

@@ -8,6 +8,7 @@
 //! A new kind is one file, and one line in [`for_each_kind`]: `sling.rs` shows it.
 
 mod air;
+mod balance;
 mod bend;
 mod bulk;
 mod edits;
@@ -27,6 +28,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
 pub(super) use air::{Exposed, FacePush, FilamentPush, Push};
 pub use air::{Face, Filament};
+pub(super) use balance::Balance;
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use failure::Plasticity;
