@@ -10,7 +10,9 @@ use crate::solver::collision::{Collider, ContactCaches, Skin, Surfaces};
 use crate::solver::elements::Balance;
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
-use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident, spring_ends};
+use crate::solver::graph::{
+    Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident, spring_ends,
+};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Net, Position, Scratch};

@@ -88,7 +88,8 @@ impl Snapshot {
         let bends = state.bends.all.entities();
         let bends = bends.filter_map(|entity| Some((entity, *world.get::<Bend>(entity)?))).collect();
         let state = Some(state.clone());
-        let mut snapshot = Self { particles, springs, bends, nets, parts, colliders, state, ..Self::default() };
+        let mut snapshot =
+            Self { particles, springs, bends, nets, parts, colliders, state, ..Self::default() };
         snapshot.options = OptionalComponents::of(world, snapshot.entities().into_iter());
         snapshot
     }

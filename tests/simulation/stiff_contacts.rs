@@ -167,20 +167,24 @@ fn a_column_rests_on_what_its_weight_presses_together() {
         Integrator::TrBdf2,
     ];
     for integrator in schemes {
-        for (mass, stiffness, count) in [(0.02, 1e4, 2), (1.0, 1e5, 2), (1.0, 1e4, 5), (100.0, 1e7, 2), (0.02, 1e5, 2)] {
+        for (mass, stiffness, count) in
+            [(0.02, 1e4, 2), (1.0, 1e5, 2), (1.0, 1e4, 5), (100.0, 1e7, 2), (0.02, 1e5, 2)]
+        {
             let mut state = Solver::default();
             for ball in 0..count {
                 let place = Vec3::Y * (RADIUS + SPACING * ball as f32);
                 state.add_particle(place, Vec3::ZERO, mass, RADIUS).unwrap();
                 if ball > 0 {
                     let damping = 0.1 * (stiffness * mass).sqrt();
-                    let spring = solver::Spring { rest_length: SPACING, stiffness, damping, ..Default::default() };
+                    let spring =
+                        solver::Spring { rest_length: SPACING, stiffness, damping, ..Default::default() };
                     state.add_spring([ball - 1, ball], spring).unwrap();
                 }
             }
             state.add_collider(Collider::half_space(Vec3::ZERO, Vec3::Y, 0.0, 0.0));
             let settings = StepSettings { integrator, ..settings(1.0 / 60.0) };
-            let substeps = if integrator.is_implicit() { SubstepMode::Fixed(2) } else { SubstepMode::Auto };
+            let is_implicit = matches!(integrator, Integrator::ImplicitEuler | Integrator::TrBdf2);
+            let substeps = if is_implicit { SubstepMode::Fixed(2) } else { SubstepMode::Auto };
             let settings = StepSettings { substeps, ..settings };
             for _ in 0..300 {
                 state.step(&settings);
@@ -190,10 +194,17 @@ fn a_column_rests_on_what_its_weight_presses_together() {
                 let expected = mass * GRAVITY * (count - spring) as f32 / stiffness;
                 let found = SPACING - state.position(spring - 1).distance(state.position(spring));
                 let rounding = f32::EPSILON * SPACING * count as f32;
-                assert!((found - expected).abs() < 0.02 * expected + rounding, "{label}: {found} of {expected} m");
+                assert!(
+                    (found - expected).abs() < 0.02 * expected + rounding,
+                    "{label}: {found} of {expected} m"
+                );
             }
             assert!(state.position(0).y > 0.999 * RADIUS, "{label}: {}", state.position(0));
-            assert!((0..count).all(|ball| state.velocity(ball).length() < 1e-3), "{label}: {}", state.velocity(0));
+            assert!(
+                (0..count).all(|ball| state.velocity(ball).length() < 1e-3),
+                "{label}: {}",
+                state.velocity(0)
+            );
         }
     }
 }

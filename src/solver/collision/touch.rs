@@ -14,8 +14,8 @@
 use bevy::math::Vec3A;
 
 use super::bodies::Body;
-use crate::solver::particles::Particles;
 use super::response::{shortened, tangential};
+use crate::solver::particles::Particles;
 
 /// Particles of a point, at most.
 pub(super) const MAX_POINTS: usize = 3;

@@ -209,8 +209,10 @@ mod tests {
     }
 
     /// Sums of up to N · 100 numbers below 1, each rounded by 2⁻²⁴: 4 · 100 · 6e-8.
-    fn follows_its_recurrence<E: Element<N>, const N: usize>(masses: [f32; N], element: impl Fn([f32; 2]) -> E)
-    where
+    fn follows_its_recurrence<E: Element<N>, const N: usize>(
+        masses: [f32; N],
+        element: impl Fn([f32; 2]) -> E,
+    ) where
         super::super::Elements: super::super::Holds<E, N>,
     {
         let weights = element([0.0; 2]).weights();

@@ -49,9 +49,6 @@ impl Element<3> for Sling {
 
     fn between(&self, other: &Self, share: f32) -> Self {
         let mix = |from: f32, to: f32| from + share * (to - from);
-        Self {
-            stiffness: mix(self.stiffness, other.stiffness),
-            damping: mix(self.damping, other.damping),
-        }
+        Self { stiffness: mix(self.stiffness, other.stiffness), damping: mix(self.damping, other.damping) }
     }
 }

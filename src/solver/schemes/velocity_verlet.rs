@@ -11,9 +11,9 @@
 //! difference: v' = v + h/2 (a + a'), with the a' that the next substep begins with. This keeps momentum, as a' does.
 
 use super::{Stage, StepVectors, verlet_in_air};
+use crate::solver::graph::Blocks;
 use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict};
 use crate::solver::parallel;
-use crate::solver::graph::Blocks;
 use crate::solver::particles::Vectors;
 
 /// What the last substep has left for the next one, besides the state.

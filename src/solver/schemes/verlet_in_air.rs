@@ -72,8 +72,13 @@ pub(super) fn advance(stage: &mut Stage, air: &AirLoad, substep: f32) {
 pub(super) fn evaluate_again(stage: &mut Stage, air: &AirLoad, substep: f32) {
     let field = Field { air: None, ..stage.field };
     let Stage { particles, blocks, elements, scratch, gas, .. } = stage;
-    let StepVectors { velocity: predicted, velocity_slope: again, air: Vectors { vacuum, corrected }, carried, .. } =
-        &mut **scratch;
+    let StepVectors {
+        velocity: predicted,
+        velocity_slope: again,
+        air: Vectors { vacuum, corrected },
+        carried,
+        ..
+    } = &mut **scratch;
     restore_predicted(predicted, &particles.velocity, corrected);
     again.resize(particles.len());
     let motion = Motion::at(&particles.position, predicted, particles);

@@ -1,0 +1,213 @@
+//! The tensions of nets that are at rest, as exactly as their loads.
+//!
+//! The positions of a stiff net say little about its tensions: at 1e6 N/m one ulp of a coordinate of 3 m is 0.24 N. What
+//! rests is where forces balance, but for rounding. So the displacements δ are looked for that would balance them,
+//!
+//! ```text
+//! K δ = f(x)      with K = Σ k c cᵀ ⊗ (n nᵀ + max(0, 1 − r/‖s‖) (1 − n nᵀ)),  n = s/‖s‖
+//! ```
+//!
+//! by conjugate gradients. Where they are within what rounding does to coordinates, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ).
+//! Where they are not, or springs change their length faster than rounding makes them, the net moves: its tensions are left alone.
+
+use bevy::math::DVec3;
+
+use super::{Elements, MAX_ENDS};
+use crate::solver::particles::Particles;
+
+/// Iterations of conjugate gradients, at most. What rounding does differs from particle to particle, and such errors go first.
+const MAX_ITERATIONS: usize = 60;
+
+/// The square of the part of the forces that may be left.
+const TOLERANCE: f64 = 1e-14;
+
+/// By how many ulp of its largest coordinate a particle of a net at rest may be displaced: half of one by rounding, more where
+/// that makes it vibrate.
+const MAX_ULPS: f64 = 8.0;
+
+/// Working memory.
+#[derive(Debug, Clone, Default)]
+pub(in crate::solver) struct Balance {
+    links: Vec<Link>,
+    is_free: Vec<bool>,
+    /// Σ c² k of the elements at each particle, N/m.
+    diagonal: Vec<f64>,
+    residual: Vec<DVec3>,
+    displacement: Vec<DVec3>,
+    direction: Vec<DVec3>,
+    image: Vec<DVec3>,
+    gradient: Vec<DVec3>,
+}
+
+/// An element that is taut or pushes.
+#[derive(Debug, Clone, Copy)]
+struct Link {
+    number: u32,
+    count: usize,
+    ends: [u32; MAX_ENDS],
+    weights: [f64; MAX_ENDS],
+    /// k, N/m.
+    stiffness: f64,
+    /// k max(0, 1 − r/‖s‖), N/m.
+    across: f64,
+    along: DVec3,
+    /// k (‖s‖ − r), N.
+    tension: f64,
+    /// d‖s‖/dt, m/s.
+    rate: f64,
+}
+
+impl Link {
+    /// Its ends, each with its weight.
+    fn ends(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
+        self.ends[..self.count].iter().map(|end| *end as usize).zip(self.weights)
+    }
+
+    /// Σ cᵢ vᵢ.
+    fn combine(&self, values: &[DVec3]) -> DVec3 {
+        self.ends().map(|(end, weight)| values[end] * weight).sum()
+    }
+}
+
+impl Balance {
+    /// Writes the tensions of the elements that are at rest, N, by their numbers.
+    ///
+    /// `load` is the force on the particle in a slot apart from elements and gases, N; `is_held` says of which it is not known, as
+    /// it touches something. The last substep took `substep` seconds.
+    pub fn write_tensions(
+        &mut self,
+        elements: &Elements,
+        particles: &Particles,
+        load: impl Fn(usize) -> DVec3,
+        is_held: &[bool],
+        substep: f64,
+        tensions: &mut [f64],
+    ) {
+        self.begin(elements, particles, load, is_held);
+        self.solve();
+        let room = |slot: usize| {
+            MAX_ULPS * f64::from(f32::EPSILON) * f64::from(particles.position.get(slot).abs().max_element())
+        };
+        for link in &self.links {
+            let largest = link.ends().map(|(end, _)| room(end)).fold(0.0, f64::max);
+            let rests = link.rate.abs() * substep <= largest
+                && link.ends().all(|(end, _)| self.displacement[end].abs().max_element() <= room(end));
+            if rests {
+                let change = link.along.dot(link.combine(&self.displacement));
+                tensions[link.number as usize] = link.tension + link.stiffness * change;
+            }
+        }
+    }
+
+    /// Collects the elements, and the force on each free particle.
+    fn begin(
+        &mut self,
+        elements: &Elements,
+        particles: &Particles,
+        load: impl Fn(usize) -> DVec3,
+        is_held: &[bool],
+    ) {
+        let Self { links, is_free, diagonal, residual, displacement, gradient, .. } = self;
+        let count = particles.len();
+        links.clear();
+        is_free.clear();
+        is_free.extend((0..count).map(|slot| particles.is_movable(slot) && is_held.get(slot) != Some(&true)));
+        diagonal.clear();
+        diagonal.resize(count, 0.0);
+        displacement.clear();
+        displacement.resize(count, DVec3::ZERO);
+        residual.clear();
+        residual.extend((0..count).map(|slot| if is_free[slot] { load(slot) } else { DVec3::ZERO }));
+        for (_, enclosure) in elements.gases().acting() {
+            let at = |place: usize| particles.position.get(enclosure.slots[place] as usize).as_dvec3();
+            let pressure = enclosure.gas.pressure_at(enclosure.measure(at, gradient));
+            for (slot, gradient) in enclosure.slots.iter().zip(&*gradient) {
+                residual[*slot as usize] += pressure * *gradient;
+            }
+        }
+        elements.for_each_acting(|acting| {
+            let (rates, rest_length, tension_only) = elements.coefficients(acting.number);
+            let mut link = Link {
+                number: acting.number,
+                count: acting.ends.len(),
+                ends: [0; MAX_ENDS],
+                weights: [0.0; MAX_ENDS],
+                stiffness: rates.stiffness.into(),
+                across: 0.0,
+                along: DVec3::ZERO,
+                tension: 0.0,
+                rate: 0.0,
+            };
+            link.ends[..link.count].copy_from_slice(acting.ends);
+            for (to, from) in link.weights.iter_mut().zip(acting.weights) {
+                *to = (*from).into();
+            }
+            let [separation, rate]: [DVec3; 2] = [&particles.position, &particles.velocity]
+                .map(|vectors| link.ends().map(|(end, weight)| vectors.get(end).as_dvec3() * weight).sum());
+            let length = separation.length();
+            if tension_only && length < rest_length || link.stiffness == 0.0 {
+                return;
+            }
+            link.along = separation.normalize_or_zero();
+            link.rate = rate.dot(link.along);
+            link.tension = link.stiffness * (length - rest_length);
+            link.across = if length > 0.0 { link.tension.max(0.0) / length } else { link.stiffness };
+            for (end, weight) in link.ends() {
+                diagonal[end] += weight * weight * link.stiffness;
+                residual[end] -= link.along * (link.tension * weight);
+            }
+            links.push(link);
+        });
+        for (slot, is_free) in is_free.iter().enumerate() {
+            if !is_free || diagonal[slot] == 0.0 {
+                residual[slot] = DVec3::ZERO;
+            }
+        }
+    }
+
+    /// Conjugate gradients, preconditioned by the diagonal.
+    fn solve(&mut self) {
+        let Self { links, is_free, diagonal, residual, displacement, direction, image, .. } = self;
+        let conditioned = |slot: usize, force: DVec3| match diagonal[slot] > 0.0 {
+            true => force / diagonal[slot],
+            false => DVec3::ZERO,
+        };
+        direction.clear();
+        direction.extend(residual.iter().enumerate().map(|(slot, force)| conditioned(slot, *force)));
+        let measure = |residual: &[DVec3]| -> f64 {
+            residual.iter().enumerate().map(|(slot, force)| force.dot(conditioned(slot, *force))).sum()
+        };
+        let start = measure(residual);
+        let mut left = start;
+        for _ in 0..MAX_ITERATIONS {
+            if left.is_nan() || left <= TOLERANCE * start {
+                return;
+            }
+            image.clear();
+            image.resize(direction.len(), DVec3::ZERO);
+            for link in &*links {
+                let moved = link.combine(direction);
+                let along = link.along * link.along.dot(moved);
+                let force = along * link.stiffness + (moved - along) * link.across;
+                link.ends().for_each(|(end, weight)| image[end] += force * weight);
+            }
+            for (image, _) in image.iter_mut().zip(&*is_free).filter(|(_, is_free)| !**is_free) {
+                *image = DVec3::ZERO;
+            }
+            let curvature: f64 = direction.iter().zip(&*image).map(|(one, other)| one.dot(*other)).sum();
+            if curvature.is_nan() || curvature <= 0.0 {
+                return;
+            }
+            let step = left / curvature;
+            for (slot, image) in image.iter().enumerate() {
+                displacement[slot] += direction[slot] * step;
+                residual[slot] -= *image * step;
+            }
+            let next = measure(residual);
+            for (slot, direction) in direction.iter_mut().enumerate() {
+                *direction = conditioned(slot, residual[slot]) + *direction * (next / left);
+            }
+            left = next;
+        }
+    }
+}
