@@ -175,7 +175,7 @@ fn a_column_rests_on_what_its_weight_presses_together() {
                 let place = Vec3::Y * (RADIUS + SPACING * ball as f32);
                 state.add_particle(place, Vec3::ZERO, mass, RADIUS).unwrap();
                 if ball > 0 {
-                    let damping = 0.1 * (stiffness * mass).sqrt();
+                    let damping = 0.2 * (stiffness * mass).sqrt();
                     let spring =
                         solver::Spring { rest_length: SPACING, stiffness, damping, ..Default::default() };
                     state.add_spring([ball - 1, ball], spring).unwrap();
@@ -186,7 +186,7 @@ fn a_column_rests_on_what_its_weight_presses_together() {
             let is_implicit = matches!(integrator, Integrator::ImplicitEuler | Integrator::TrBdf2);
             let substeps = if is_implicit { SubstepMode::Fixed(2) } else { SubstepMode::Auto };
             let settings = StepSettings { substeps, ..settings };
-            for _ in 0..300 {
+            for _ in 0..1800 {
                 state.step(&settings);
             }
             let label = format!("{integrator}, {count} balls of {mass} kg, {stiffness} N/m");

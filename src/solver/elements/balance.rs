@@ -7,8 +7,8 @@
 //! K δ = f(x)      with K = Σ k c cᵀ ⊗ (n nᵀ + max(0, 1 − r/‖s‖) (1 − n nᵀ)),  n = s/‖s‖
 //! ```
 //!
-//! by conjugate gradients. Where they are within what rounding does to coordinates, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ).
-//! Where they are not, or springs change their length faster than rounding makes them, the net moves: its tensions are left alone.
+//! by conjugate gradients. Where they change ‖s‖ by no more than rounding does, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ). Where
+//! they change it by more, or it changes faster than rounding makes it, the net moves: its tensions are left alone.
 
 use bevy::math::DVec3;
 
@@ -21,9 +21,12 @@ const MAX_ITERATIONS: usize = 60;
 /// The square of the part of the forces that may be left.
 const TOLERANCE: f64 = 1e-14;
 
-/// By how many ulp of its largest coordinate a particle of a net at rest may be displaced: half of one by rounding, more where
-/// that makes it vibrate.
+/// By how many ulp of the largest coordinate of its ends the length of an element of a net at rest may differ: by one or two for
+/// rounding, more where that makes the net vibrate.
 const MAX_ULPS: f64 = 8.0;
+
+/// A direction along which the stiffness is less than this part of that of the elements is one of a rigid motion.
+const NO_CURVATURE: f64 = 1e-12;
 
 /// Working memory.
 #[derive(Debug, Clone, Default)]
@@ -51,6 +54,8 @@ struct Link {
     /// k max(0, 1 − r/‖s‖), N/m.
     across: f64,
     along: DVec3,
+    /// ‖s‖, m.
+    length: f64,
     /// k (‖s‖ − r), N.
     tension: f64,
     /// d‖s‖/dt, m/s.
@@ -85,15 +90,15 @@ impl Balance {
     ) {
         self.begin(elements, particles, load, is_held);
         self.solve();
-        let room = |slot: usize| {
-            MAX_ULPS * f64::from(f32::EPSILON) * f64::from(particles.position.get(slot).abs().max_element())
-        };
         for link in &self.links {
-            let largest = link.ends().map(|(end, _)| room(end)).fold(0.0, f64::max);
-            let rests = link.rate.abs() * substep <= largest
-                && link.ends().all(|(end, _)| self.displacement[end].abs().max_element() <= room(end));
-            if rests {
-                let change = link.along.dot(link.combine(&self.displacement));
+            let coordinates = link.ends().map(|(end, _)| particles.position.get(end).abs().max_element());
+            let limit = MAX_ULPS * f64::from(f32::EPSILON * coordinates.fold(0.0, f32::max));
+            let moved = link.combine(&self.displacement);
+            let change = link.along.dot(moved);
+            // Across it the length changes in second order.
+            let neglected =
+                if link.length > 0.0 { moved.length_squared() / (2.0 * link.length) } else { 0.0 };
+            if change.abs() + neglected <= limit && link.rate.abs() * substep <= limit {
                 tensions[link.number as usize] = link.tension + link.stiffness * change;
             }
         }
@@ -135,6 +140,7 @@ impl Balance {
                 stiffness: rates.stiffness.into(),
                 across: 0.0,
                 along: DVec3::ZERO,
+                length: 0.0,
                 tension: 0.0,
                 rate: 0.0,
             };
@@ -148,7 +154,7 @@ impl Balance {
             if tension_only && length < rest_length || link.stiffness == 0.0 {
                 return;
             }
-            link.along = separation.normalize_or_zero();
+            (link.along, link.length) = (separation.normalize_or_zero(), length);
             link.rate = rate.dot(link.along);
             link.tension = link.stiffness * (length - rest_length);
             link.across = if length > 0.0 { link.tension.max(0.0) / length } else { link.stiffness };
@@ -195,7 +201,10 @@ impl Balance {
                 *image = DVec3::ZERO;
             }
             let curvature: f64 = direction.iter().zip(&*image).map(|(one, other)| one.dot(*other)).sum();
-            if curvature.is_nan() || curvature <= 0.0 {
+            let largest: f64 =
+                direction.iter().zip(&*diagonal).map(|(one, k)| one.length_squared() * k).sum();
+            // Nothing holds the net: it falls.
+            if curvature.is_nan() || curvature <= NO_CURVATURE * largest {
                 return;
             }
             let step = left / curvature;
