@@ -22,7 +22,8 @@ use stiff::surroundings;
 /// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
-    /// Where each pinned particle goes; one that is not listed moves at its velocity.
+    /// Where each pinned particle goes; one that is not listed moves at its velocity. [`Solver::step`](super::Solver::step) drops
+    /// those of particles that do not exist.
     pub pinned: Vec<PinnedMotion>,
     /// The colliders.
     pub colliders: Vec<Collider>,
@@ -58,7 +59,8 @@ pub(crate) struct Caches {
 
 /// Advances `state` by one tick of `settings.time_step` seconds.
 ///
-/// Never panics on values: what overflows becomes non-finite, and is the caller's to find.
+/// The motions in `inputs` are of particles that exist. Never panics on values: what overflows becomes non-finite, and is the caller's to
+/// find.
 pub(crate) fn step(
     state: &mut State,
     inputs: &Inputs,
@@ -218,7 +220,7 @@ impl Caches {
         if has_ramps {
             elements.ramp_to(elapsed);
         }
-        if self.strain_limits.apply(elements, particles, substep, |slot| pulls.touch(slot)) {
+        if self.strain_limits.apply(elements, particles, substep, |slot| pulls.set_touching(slot)) {
             self.scratch.disturb();
         }
         if has_ramps {
@@ -253,7 +255,7 @@ impl Caches {
         let changed = yielded.iter().map(|(spring, _)| *spring as usize);
         for spring in removed.iter().copied().chain(changed) {
             let (ends, parameters) = elements.springs().with_ends(spring);
-            ends.into_iter().for_each(|end| pulls.forget(end));
+            ends.into_iter().for_each(|end| pulls.invalidate(end));
             if !plan.integrator.is_implicit() {
                 self.blocks.set_parameters(spring, parameters);
             }
