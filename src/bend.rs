@@ -9,7 +9,7 @@ use crate::parameter::{self, InvalidParameter};
 ///
 /// With s = x_a − 2 x_b + x_c, which is zero where b is in the middle between a and c, it holds the energy
 /// ½ [`stiffness`](Self::stiffness) · ‖s‖². Its forces are along s: one part on a and c, minus two parts on b, so that
-/// they move nothing and turn nothing by themselves.
+/// they change neither momentum nor angular momentum.
 ///
 /// A rod of bending stiffness EI (N·m², the material's modulus times the second moment of its section) in links of h m
 /// has bends of EI / h³ at all of its inner particles: ‖s‖ / h² is its curvature.

@@ -26,7 +26,7 @@ pub struct Particle {
     pub mass: f32,
     /// Radius in m of the sphere that collides, finite and >= 0. Default 0.05.
     ///
-    /// A particle of radius 0 collides with planes only.
+    /// A particle of radius 0 collides with colliders only.
     pub radius: f32,
 }
 

@@ -27,10 +27,9 @@ pub struct ParticleHit {
     pub normal: Vec3,
 }
 
-/// Asks what is where: [`ParticleCollider`]s by their surface, particles and those of nets as spheres.
+/// Spatial queries: [`ParticleCollider`]s by their surface, particles and those of nets as spheres.
 ///
-/// Only what meets the `layers` of the question is found. Places are those of the present
-/// `Transform`s.
+/// Queries find what meets their `layers` only. Places are those of the present `Transform`s.
 ///
 /// ```
 /// # use bevy::prelude::*;

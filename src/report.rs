@@ -31,7 +31,7 @@ pub struct TickReport {
     pub asleep: usize,
     /// Springs in the simulation.
     pub springs: usize,
-    /// Touching pairs at the end of the tick: particles with planes and particles with particles.
+    /// Touching pairs at the end of the tick: of particles, edges and faces with colliders and with each other.
     pub contacts: usize,
     /// Particles [quarantined](crate::particle::Quarantined) since the app started or the initial
     /// state was restored.

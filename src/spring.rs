@@ -43,7 +43,7 @@ pub struct Spring {
     /// The tension in N, damper included, beyond which it breaks: it exerts no force any more, and gets [`Broken`].
     /// Finite and >= 0. Default `None`: it never breaks.
     ///
-    /// Of springs that hang together the one that is most overloaded breaks in a substep, and all that carry
+    /// Of connected springs the one that is most overloaded breaks in a substep, and all that carry
     /// twice their breaking force. In ropes and trees nothing else breaks until the release has had the time to travel
     /// through all of it.
     pub breaking_force: Option<f32>,

@@ -38,7 +38,7 @@ pub struct Teleport {
 }
 
 impl Teleport {
-    /// Moves one particle, net or plane. Contacts of a particle are forgotten; its springs stay.
+    /// Moves one particle, net or plane. Contacts of a particle are removed; its springs stay.
     ///
     /// The `isometry` maps the places of the world to new ones: a `Vec3` is a translation in m, a `Quat` a rotation
     /// about the origin of the world.

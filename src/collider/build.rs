@@ -1,4 +1,4 @@
-//! From what users describe to what the solver collides with: checks, and the scale of the transform.
+//! From `ParticleCollider`s to the colliders of the solver: checks, and the scale of the transform.
 
 use bevy::prelude::*;
 

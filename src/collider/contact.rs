@@ -1,4 +1,4 @@
-//! The messages that tell of contacts.
+//! The messages that report contacts.
 
 use bevy::prelude::*;
 
@@ -58,7 +58,7 @@ pub struct ContactEnded {
     pub other: Entity,
 }
 
-/// Has [`ContactStarted`] and [`ContactEnded`] triggered on its entity: a particle, net or collider.
+/// Triggers [`ContactStarted`] and [`ContactEnded`] on its entity: a particle, net or collider.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -47,7 +47,7 @@ pub use shape::{ColliderPart, ColliderShape};
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[require(Transform)]
 pub struct ParticleCollider {
-    /// What it looks like. Default: all below y = 0.
+    /// Its geometry. Default: the half-space y < 0.
     pub shape: ColliderShape,
     /// Coefficient of restitution, 0 (all energy of the impact is absorbed) to 1 (elastic). Default 0.
     pub restitution: f32,
@@ -59,7 +59,7 @@ pub struct ParticleCollider {
     pub friction_rule: CombineRule,
     /// The velocity of its surface, in its own axes, beside that of its motion, m/s: a conveyor belt. Default 0.
     pub surface_velocity: Vec3,
-    /// Whether it lets all through: what touches it is told of in [`Contact`] and the like only. Default false.
+    /// Whether it exerts no force: contacts with it are only reported, by [`Contact`] and the like. Default false.
     pub is_sensor: bool,
 }
 
@@ -89,7 +89,7 @@ impl ParticleCollider {
         Self { surface_velocity, ..self }
     }
 
-    /// The same, letting all through.
+    /// The same as a sensor, which exerts no force.
     pub fn as_sensor(self) -> Self {
         Self { is_sensor: true, ..self }
     }
@@ -111,7 +111,7 @@ impl ParticleCollider {
     }
 }
 
-/// How the surface of a particle or net rebounds and rubs on colliders.
+/// Restitution and friction of the surface of a particle or net.
 ///
 /// Without it the coefficients of the [`ParticleCollider`] hold; with it both are combined, by the later one of the two
 /// rules in the list of [`CombineRule`].

@@ -13,9 +13,9 @@ use super::ParticleCollider;
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct ColliderMotion {
-    /// m/s. Default 0. What is not finite does not move it.
+    /// m/s. Default 0. Ignored if not finite.
     pub velocity: Vec3,
-    /// rad/s. Default 0. What is not finite does not turn it.
+    /// rad/s. Default 0. Ignored if not finite.
     pub angular_velocity: Vec3,
 }
 

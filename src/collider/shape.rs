@@ -1,4 +1,4 @@
-//! What a collider looks like.
+//! The geometry of a collider.
 
 use bevy::math::DVec3;
 use bevy::prelude::*;
@@ -89,8 +89,8 @@ pub enum ColliderShape {
 }
 
 impl ColliderShape {
-    /// A function of how deep a ball is inside, m, negative outside: from a point in the axes of the shape and the radius,
-    /// m. `None` of a bad shape.
+    /// A function that computes the penetration depth of a ball, m, negative outside, from its centre in the axes of the shape and its
+    /// radius, m. `None` if the shape is invalid.
     pub fn depth_meter(&self) -> Option<impl Fn(DVec3, f32) -> f64 + use<>> {
         let shape = self.build(Vec3::ONE).ok()?;
         Some(move |point, radius| shape.depth(point, radius))
@@ -107,10 +107,10 @@ fn is_false(value: &bool) -> bool {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", serde(default, deny_unknown_fields))]
 pub struct ColliderPart {
-    /// What it looks like; no compound.
+    /// Its geometry; no compound.
     pub shape: ColliderShape,
     /// Where it is in the axes of the whole, m. Default 0.
     pub position: Vec3,
-    /// How it is turned. Default: not.
+    /// Its rotation. Default: none.
     pub rotation: Quat,
 }

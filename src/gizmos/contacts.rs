@@ -1,4 +1,4 @@
-//! Contacts: where two touch, along which normal, and with what impulse.
+//! Contacts: their points, normals and impulses.
 
 use bevy::ecs::message::MessageRegistry;
 use bevy::prelude::*;

@@ -6,7 +6,7 @@ use bevy::prelude::*;
 #[cfg(feature = "serialize")]
 use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
-/// On a [`Part`](crate::nets::Part) of one particle: ties it to another entity, which it pulls at.
+/// On a [`Part`](crate::nets::Part) of one particle: ties it to another entity by a spring.
 ///
 /// From the next tick on the part's entity has a [`Spring`](crate::Spring):
 /// - to a [`Particle`](crate::Particle) or a part of one particle, as long at rest as they are apart now, if these

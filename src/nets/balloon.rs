@@ -37,6 +37,7 @@ pub struct Balloon {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub enum BalloonShape {
     /// A sphere.
     Sphere {
@@ -80,7 +81,7 @@ impl From<Sphere> for Balloon {
 }
 
 impl Balloon {
-    /// The most subdivisions: 655,362 particles.
+    /// The greatest number of subdivisions: 655,362 particles.
     pub const MAX_SUBDIVISIONS: u32 = 8;
 
     /// A sphere about the origin.

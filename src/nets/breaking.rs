@@ -1,4 +1,4 @@
-//! What a net bears before it breaks.
+//! The strength of nets: where they break and tear.
 
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ use crate::solver::Spring;
 /// Beside a net: where its springs break. Default: nowhere.
 ///
 /// A rope comes apart, a cloth or a balloon opens along its edges: its particles are split, old ones keep their numbers and
-/// new ones get the next (see [`tear`](crate::nets::tear)). The net publishes [`Broke`](crate::Broke). Of springs that
-/// hang together the one that is most overloaded breaks in a substep, and all that carry twice what they can.
+/// new ones get the next (see [`tear`](crate::nets::tear)). The net publishes [`Broke`](crate::Broke). Of
+/// connected springs the one that is most overloaded breaks in a substep, and all that carry twice their breaking force.
 ///
 /// Changed values act from the next tick on. Bad ones are named in the log once, and nothing is changed then.
 ///
@@ -32,7 +32,7 @@ pub struct Breaking {
     /// The strain at which a spring breaks: its breaking force is its stiffness times this part of its rest length.
     /// Finite and >= 0. Default `None`.
     pub strain: Option<f32>,
-    /// The tension at which a spring breaks, N; of a rope, at which it does. Finite and >= 0. Default `None`.
+    /// The tension at which a spring breaks, N; for a rope, its breaking strength. Finite and >= 0. Default `None`.
     pub force: Option<f32>,
 }
 

@@ -47,6 +47,7 @@ pub struct Cloth {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub enum ClothShape {
     /// A rectangle; its front is where width × height points.
     Sheet {
@@ -105,7 +106,7 @@ impl From<Plane3d> for Cloth {
 }
 
 impl Cloth {
-    /// The most cells along a side.
+    /// The greatest number of cells along a side.
     pub const MAX_CELLS: u32 = 4096;
 
     /// An upright sheet about the origin, as Bevy's rectangle: width along X, height along Y, its front towards Z.

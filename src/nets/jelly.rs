@@ -42,6 +42,7 @@ pub struct Jelly {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
 pub enum JellyShape {
     /// A box along the axes.
     Cuboid {
@@ -86,7 +87,7 @@ impl From<Cuboid> for Jelly {
 }
 
 impl Jelly {
-    /// The most cells in all, of a box or of the box around a mesh.
+    /// The greatest number of cells of a box, or of the box around a mesh.
     pub const MAX_CELLS: u32 = 1 << 21;
 
     /// A box about the origin.

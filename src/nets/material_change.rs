@@ -1,8 +1,7 @@
-//! Another material for a net that has torn, broken or yielded, or is on a winch: what happened to it stays.
+//! Applies another material to a net that has torn, broken or yielded, or is on a winch; these changes are kept.
 //!
-//! Recipes lay out elements in proportion to the stiffnesses of their material. So what happened to an element is the
-//! ratio of what it is to what it was laid out as, a half along a tear and nothing where it broke, and has the same
-//! ratio to what it is laid out as now.
+//! Recipes lay out elements in proportion to the stiffnesses of their material. So the damage of an element is the ratio of its present
+//! parameters to those that it was laid out with (a half along a tear, 0 where it broke), and the new parameters get the same ratio.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -14,7 +14,7 @@ impl ParticleNet {
     }
 
     /// The volume inside its surface, m³, by the divergence theorem: Σ a · (b × c) / 6 over the triangles, from the first
-    /// particle. It means something of a closed surface; 0 without triangles.
+    /// particle. Meaningful for closed surfaces only; 0 without triangles.
     pub fn volume(&self) -> f32 {
         let from = self.positions().first().copied().unwrap_or_default().as_dvec3();
         let place = |particle: u32| self.positions()[particle as usize].as_dvec3() - from;
@@ -32,8 +32,8 @@ impl ParticleNet {
 
     /// The tension of spring `index`, N, damper included; negative where it pushes, 0 of one that does not exist.
     ///
-    /// It follows from the positions, and may err by their rounding times the stiffness. While
-    /// [`SpringForces`](crate::SpringForces) exists it is the solver's at the end of the last tick, which does not.
+    /// It follows from the positions: its error is their rounding times the stiffness. While [`SpringForces`](crate::SpringForces)
+    /// exists it is that of the solver at the end of the last tick, without that error.
     pub fn tension(&self, index: usize) -> f32 {
         if let Some(tension) = self.published_tensions().get(index) {
             return *tension;

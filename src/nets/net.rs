@@ -79,7 +79,7 @@ impl ParticleNet {
         Self { velocities: vec![Vec3::ZERO; positions.len()], positions, topology, ..Self::default() }
     }
 
-    /// The same net with these particles pinned; numbers without a particle count for nothing.
+    /// The same net with these particles pinned; numbers without a particle are ignored.
     pub fn with_pinned(mut self, particles: impl IntoIterator<Item = u32>) -> Self {
         particles.into_iter().for_each(|particle| self.set_pinned(particle, true));
         self
@@ -193,7 +193,7 @@ impl ParticleNet {
         &mut self.applied_forces
     }
 
-    /// Applies no force any more.
+    /// Removes all applied forces.
     pub fn clear_applied_forces(&mut self) {
         self.applied_forces.clear();
     }

@@ -36,6 +36,7 @@ use crate::particle::ParticleVelocity;
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[require(Transform, ParticleVelocity, PartState)]
+#[non_exhaustive]
 pub enum Part {
     /// All particles.
     #[default]
@@ -118,7 +119,7 @@ impl Parts {
     }
 }
 
-/// What the simulation remembers of a [`Part`] from tick to tick. Rollback libraries save it with the other components.
+/// The state of a [`Part`] from tick to tick. Rollback libraries save it with the other components.
 #[derive(Component, Reflect, Debug, Clone, Default)]
 #[reflect(opaque)]
 #[reflect(Component, Default, Debug, Clone)]

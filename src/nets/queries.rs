@@ -6,6 +6,7 @@ use super::{Layout, ParticleNet};
 
 /// Where a ray meets a net.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct NetHit {
     /// The particle that is nearest to the point.
     pub particle: u32,

@@ -81,8 +81,10 @@ impl From<Polyline3d> for Rope {
 }
 
 impl Rope {
-    /// The most segments of a rope.
+    /// The greatest number of segments of a rope.
     pub const MAX_SEGMENTS: u32 = 1 << 24;
+
+    /// Number of samples of a curve, by which its length is measured.
     const CURVE_SAMPLES: u16 = 1024;
 
     /// A rope of `length`, m, that hangs straight down from the origin.

@@ -36,7 +36,7 @@ fn aside(along: Vec3, particle: u32) -> Vec3 {
     (first * cos + second * sin) * (ASIDE * along.length())
 }
 
-/// What a rope on a winch remembers.
+/// The state of a rope on a winch.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spool {

@@ -52,8 +52,9 @@ impl Topology {
 /// How the particles of a net are arranged.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Layout {
-    /// In no way that is known.
+    /// No known arrangement.
     #[default]
     Free,
     /// A chain: particle i is joined to i + 1; the last to the first if it is closed.
@@ -108,6 +109,7 @@ impl Default for Air {
 /// How the vertices of a mesh hang on the particles of a net.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum MeshBinding {
     /// Vertex v is at particle `self[v]`: vertices in the same place share one.
     Welded(Vec<u32>),

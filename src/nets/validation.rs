@@ -13,7 +13,7 @@ pub enum InvalidTopology {
     /// A net without particles.
     #[error("it has no particles")]
     Empty,
-    /// Positions and masses are not as many.
+    /// The numbers of positions and masses differ.
     #[error("it has {positions} positions and {masses} masses, expected as many")]
     Lengths {
         /// The number of positions.

@@ -1,7 +1,7 @@
 //! Which version of its topology a net has.
 //!
-//! What is derived from a topology has to know whether that has changed. A comparison would read all of it; a shared
-//! pointer would keep a net from changing its topology in place, which one on a winch does in every tick.
+//! Caches of a topology compare versions, as a comparison of topologies would read all of them. The address of a shared pointer does not
+//! serve: a net on a winch changes its topology in place in every tick.
 
 use bevy::platform::sync::atomic::{AtomicU64, Ordering};
 
@@ -30,12 +30,12 @@ impl PartialEq for Versions {
 }
 
 impl Versions {
-    /// Elements have other parameters.
+    /// To be called when parameters of elements have changed.
     pub fn touch_parameters(&mut self) {
         self.parameters = next();
     }
 
-    /// Other particles are joined.
+    /// To be called when elements join other particles.
     pub fn touch_structure(&mut self) {
         *self = Self::default();
     }

@@ -13,6 +13,7 @@ use crate::nets::{MeshBinding, Topology};
 
 /// Why a mesh cannot be moved by a net.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum NetMeshError {
     /// The mesh is on the graphics card only.
     #[error(

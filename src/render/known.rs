@@ -1,4 +1,4 @@
-//! What was known of a net when something was made for it.
+//! The version of a net for which a mesh or links were made.
 
 use crate::nets::{ParticleNet, Topology};
 

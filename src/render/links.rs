@@ -19,7 +19,9 @@ use crate::nets::ParticleNet;
 /// along its link, its origin in the middle. The template is drawn as well, where it is; hide it by
 /// `Visibility::Hidden`, which its copies do not inherit. A link that breaks is despawned.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct RopeLinks {
     /// What is copied. A change acts on links that are new.
     #[entities]
@@ -44,7 +46,9 @@ impl RopeLinks {
 
 /// A link that [`RopeLinks`] spawned.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct RopeLink {
     /// The particles of the net at its two ends.
     pub particles: [u32; 2],

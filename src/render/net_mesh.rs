@@ -30,7 +30,9 @@ use crate::nets::{ParticleNet, Topology};
 /// Its `Aabb` follows, and is not Bevy's to compute. An entity has one of [`RopeMesh`], [`RopeRibbon`] and `NetMesh`;
 /// of several the first of these counts.
 #[derive(Component, Debug, Clone, Copy, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct NetMesh;
 
 /// The mesh that the entity of a [`NetMesh`] had before it got its own copy of it.

@@ -14,8 +14,8 @@ use crate::nets::{Balloon, Cloth, Jelly, RecipeMesh, TriangleMesh};
 pub(super) struct ReadMeshes(HashMap<AssetId<Mesh>, Weak<TriangleMesh>>);
 
 impl ReadMeshes {
-    /// Forgets meshes that changed. Returns them.
-    fn forget_changed(&mut self, events: &mut MessageReader<AssetEvent<Mesh>>) -> Vec<AssetId<Mesh>> {
+    /// Removes the meshes that changed, and returns them.
+    fn remove_changed(&mut self, events: &mut MessageReader<AssetEvent<Mesh>>) -> Vec<AssetId<Mesh>> {
         if self.0.is_empty() {
             events.clear();
             return Vec::new();
@@ -55,7 +55,7 @@ pub(super) fn read_meshes(
     mut events: MessageReader<AssetEvent<Mesh>>,
     mut commands: Commands,
 ) {
-    let changed = read.forget_changed(&mut events);
+    let changed = read.remove_changed(&mut events);
     for (entity, (cloth, jelly, balloon), (mesh_3d, mesh_2d), (rest, drawing), (from, own), name) in &recipes
     {
         let (kind, needs_mesh) = match (cloth, jelly, balloon) {

@@ -19,7 +19,9 @@ use crate::nets::{ParticleNet, Topology};
 /// so that a stretched rope has a stretched texture. What tore is drawn in pieces, each with rounded ends.
 /// A change acts at once.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct RopeMesh {
     /// The radius of the tube, m, > 0. `None`, the default: that of the particles.
     pub radius: Option<f32>,
@@ -72,7 +74,9 @@ impl RopeMesh {
 /// It makes the mesh of its entity. u of the texture goes across, v along the rest length. It has one side: see
 /// [`NetMesh`](super::NetMesh) for a material that shows both. A change acts at once.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct RopeRibbon {
     /// Its width, m, > 0. `None`, the default: the diameter of the particles.
     pub width: Option<f32>,
@@ -93,8 +97,9 @@ impl Default for RopeRibbon {
 
 /// Why a rope cannot be drawn.
 #[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
 pub enum RopeMeshError {
-    /// A length is not.
+    /// A length that is not finite and > 0.
     #[error("{field} must be a finite number > 0, not {value}")]
     Length {
         /// Which field it is.
@@ -102,7 +107,7 @@ pub enum RopeMeshError {
         /// What it is set to.
         value: f32,
     },
-    /// A number is not in its range.
+    /// A number outside its range.
     #[error("{field} must be {low} to {high}, not {value}")]
     Count {
         /// Which field it is.
@@ -114,7 +119,7 @@ pub enum RopeMeshError {
         /// The greatest.
         high: u32,
     },
-    /// There is nothing to draw a tube around.
+    /// The net has no springs.
     #[error("its net has no springs")]
     NoSprings,
 }

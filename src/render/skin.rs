@@ -21,7 +21,9 @@ use crate::nets::{ParticleNet, Topology};
 ///
 /// A skin does not tear.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct NetSkin(
     /// The entity of the net.
     #[entities]

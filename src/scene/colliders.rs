@@ -11,11 +11,11 @@ use crate::parameter::{self, InvalidParameter};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Collider", deny_unknown_fields)]
 pub struct SceneCollider {
-    /// What it looks like, in its own axes.
+    /// Its geometry, in its own axes.
     pub shape: ColliderShape,
     /// Where it is, m, finite.
     pub position: Vec3,
-    /// How it is turned: a quaternion, finite and not zero; of any length. Default: not.
+    /// Its rotation: a quaternion, finite and not zero; of any length. Default: none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub rotation: Quat,
     /// Its velocity, m/s, finite. Default 0.
@@ -24,10 +24,10 @@ pub struct SceneCollider {
     /// Its angular velocity about `position`, rad/s, finite. Default 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub angular_velocity: Vec3,
-    /// Restitution of what hits it, 0 to 1. Default 0.
+    /// Coefficient of restitution, 0 to 1. Default 0.
     #[serde(default)]
     pub restitution: f32,
-    /// Coulomb friction, finite and >= 0. Default 0.
+    /// Coefficient of Coulomb friction, finite and >= 0. Default 0.
     #[serde(default)]
     pub friction: f32,
 }

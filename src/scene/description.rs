@@ -147,10 +147,10 @@ pub struct ScenePlane {
     pub point: Vec3,
     /// The direction out of the solid, finite and not zero; of any length.
     pub normal: Vec3,
-    /// Restitution of a particle that hits it, 0 to 1. Default 0.
+    /// Coefficient of restitution, 0 to 1. Default 0.
     #[serde(default)]
     pub restitution: f32,
-    /// Coulomb friction, finite and >= 0. Default 0.
+    /// Coefficient of Coulomb friction, finite and >= 0. Default 0.
     #[serde(default)]
     pub friction: f32,
 }

@@ -110,7 +110,7 @@ impl SceneNet {
         Cloth { material, max_stretch, air: Air { drag, lift }, self_collision, ..sheet }
     }
 
-    /// What its springs bear, if anything breaks it.
+    /// Its strength; `None` if it does not break.
     pub fn breaking(&self) -> Option<Breaking> {
         let (strain, force) = match *self {
             Self::Rope { breaking_force, .. } => (None, breaking_force),

@@ -1,4 +1,4 @@
-//! The solver by itself: what it holds, checked at the door.
+//! The public interface of the solver: checks its arguments.
 
 use bevy::math::Vec3;
 
@@ -242,6 +242,9 @@ impl Solver {
     }
 
     /// Sends a pinned particle to `target`, m, in each tick from now on: it arrives in the next one and stays.
+    ///
+    /// # Panics
+    /// If there is no such particle.
     pub fn move_pinned(&mut self, number: usize, target: Vec3) {
         let motion = PinnedMotion { slot: number, start: self.position(number), target };
         self.inputs.pinned.retain(|other| other.slot != number);
@@ -250,6 +253,8 @@ impl Solver {
 
     /// Advances everything by a tick.
     pub fn step(&mut self, settings: &StepSettings) -> &Outputs {
+        let count = self.particle_count();
+        self.inputs.pinned.retain(|motion| motion.slot < count);
         step(&mut self.state, &self.inputs, &mut self.caches, &mut self.outputs, settings);
         for motion in &mut self.inputs.pinned {
             motion.start = motion.target;

@@ -4,14 +4,14 @@
 //! another rest length. Both take energy away, and neither changes a velocity: momentum and angular momentum stay to
 //! the bit.
 //!
-//! Of springs that hang together only the one that is most overloaded breaks in a substep, and those that carry twice
-//! what they can: the break unloads the others. In a rope under tension all links carry nearly the same, and without
-//! more it would fall to pieces, one in each substep. So in ropes and trees nothing else breaks (but what carries twice
-//! its force) until the release has had the time to travel through all of it: √(m/k) for each of its elements. Springs
-//! of surfaces that are torn after the tick are only reported, and one in each tick.
+//! Of connected springs only the one that is most overloaded breaks in a substep, and those that carry twice their breaking force: the
+//! break unloads the others. In a rope under tension all links carry nearly the same, and by that rule alone one would break in each
+//! substep. So in ropes and trees no other spring breaks (but those that carry twice their breaking force) until the release wave has
+//! had the time to travel through all of it: √(m/k) for each of its elements. Springs of surfaces are only reported, one in each tick,
+//! and torn after it.
 //!
 //! The tension of what an implicit scheme advances is that of the solved equations at the end of its step; that of
-//! others follows from the positions, whose rounding times the stiffness it may err by.
+//! others follows from the positions: its error is their rounding times the stiffness.
 
 use bevy::math::Vec3;
 

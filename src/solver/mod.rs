@@ -1,6 +1,6 @@
-//! The physics, pure: it knows no entity, no world and no component.
+//! The physics, independent of entities, worlds and components.
 //!
-//! Users of the plugin never need it. It is a door for programs without Bevy's ECS, and for tests and measurements of
+//! Users of the plugin never need it. It is the interface for programs without Bevy's ECS, and for tests and measurements of
 //! the physics alone: a [`Solver`] holds particles and springs, numbered in the order in which they are added, and
 //! [`step`](Solver::step) advances them by one tick.
 //!
@@ -27,7 +27,7 @@
 //! # Ok::<(), bevy_mass_spring::solver::SolverError>(())
 //! ```
 //!
-//! Inside, `state.rs` is exactly what the next ticks depend on, `elements/` what pulls, `graph/` what hangs together,
+//! Inside, `state.rs` is exactly what the next ticks depend on, `elements/` the forces between particles, `graph/` connectivity,
 //! `stability/` how long substeps may be, `schemes/` how they integrate, `collision/` the contacts, `step.rs` the
 //! tick. All but the state are caches.
 

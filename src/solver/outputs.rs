@@ -37,8 +37,8 @@ pub struct Outputs {
     pub contacts: Vec<ContactRecord>,
     /// The tension of each spring at the end of the tick, damper included, and after them those of the bends, N; negative where it pushes, 0 where
     /// it was removed. Of what rests, but for rounding, it is that which balances the loads. Of other springs that an implicit
-    /// scheme advances it is that of the solved equations; of the rest it follows from the positions, whose rounding times the
-    /// stiffness it may err by.
+    /// scheme advances it is that of the solved equations; of the rest it follows from the positions, and its error is their
+    /// rounding times the stiffness.
     pub tensions: Vec<f32>,
     /// The slot of each pinned particle with springs or a gas, and the force with which these pull at it at the end of the
     /// tick, N; by slot.

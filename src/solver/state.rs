@@ -68,7 +68,7 @@ pub struct State {
     /// What the air blows at.
     pub(super) exposed: Exposed,
     pub(super) air_clock: AirClock,
-    /// What of nets collides beside particles.
+    /// The edges and triangles of nets that collide.
     pub(super) mesh: CollisionMesh,
     /// Whether particles or springs were placed since the last tick so that the ends of a spring may coincide.
     pub(super) may_coincide: bool,
@@ -105,9 +105,9 @@ impl State {
     }
 
     /// Resets what is remembered of contacts, pulls and sleep, as if the simulation had just started.
-    pub(crate) fn forget_contacts(&mut self) {
-        self.sleep.forget(&mut self.particles);
-        self.contacts.forget();
+    pub(crate) fn clear_contacts(&mut self) {
+        self.sleep.clear(&mut self.particles);
+        self.contacts.clear();
         self.pulls.clear();
         self.releases.clear();
     }
@@ -157,8 +157,8 @@ impl State {
         self.exposed.remove_particle(slot);
         self.mesh.remove_particle(slot);
         self.remove_gases_at(slot);
-        self.pulls.forget(slot);
-        self.contacts.forget_particle(slot);
+        self.pulls.invalidate(slot);
+        self.contacts.clear_particle(slot);
         self.contacts.request_search();
     }
 
@@ -168,7 +168,7 @@ impl State {
             self.may_coincide |= !self.particles.is_movable(slot);
             self.particles.set_inverse_mass(slot, inverse_mass);
             self.sleep.disturb(slot);
-            self.pulls.forget(slot);
+            self.pulls.invalidate(slot);
             self.contacts.request_search();
         }
         if self.particles.radius()[slot] != radius {
@@ -182,8 +182,8 @@ impl State {
     pub(crate) fn teleport(&mut self, slot: usize, position: Vec3) {
         self.sleep.vanish(slot, &self.particles);
         self.particles.position.set(slot, position);
-        self.pulls.forget(slot);
-        self.contacts.forget_particle(slot);
+        self.pulls.invalidate(slot);
+        self.contacts.clear_particle(slot);
         self.may_coincide = true;
     }
 
@@ -192,13 +192,13 @@ impl State {
     pub(crate) fn carry(&mut self, slot: usize, position: Vec3, turn: impl FnOnce(Vec3) -> Vec3) {
         self.sleep.vanish(slot, &self.particles);
         self.particles.position.set(slot, position);
-        self.pulls.turn(slot, turn);
+        self.pulls.rotate(slot, turn);
     }
 
     /// Takes note that an element at a particle is longer or shorter than the last tick left it.
     pub(crate) fn strain(&mut self, slot: usize) {
         self.sleep.disturb(slot);
-        self.pulls.forget(slot);
+        self.pulls.invalidate(slot);
     }
 
     /// Appends a spring between the slots `ends`, which differ; its index.
@@ -211,7 +211,7 @@ impl State {
 
     /// Removes a spring; its place stays empty.
     pub(crate) fn remove_spring(&mut self, index: usize) {
-        self.forget_pulls(index);
+        self.invalidate_pulls(index);
         self.elements.remove::<Spring, 2>(index);
         self.contacts.request_search();
     }
@@ -224,7 +224,7 @@ impl State {
             self.may_coincide |= old.length_at_rest() == 0.0 || !did_act;
             if !(did_act && acts) {
                 // Else its parameters, and with them the pulls, go on from where they are.
-                self.forget_pulls(index);
+                self.invalidate_pulls(index);
             }
             let (ends, _) = self.spring_with_ends(index);
             ends.into_iter().for_each(|end| self.sleep.disturb(end));
@@ -234,7 +234,7 @@ impl State {
     }
 
     /// The pulls at the ends of a spring are others by now.
-    fn forget_pulls(&mut self, index: usize) {
+    fn invalidate_pulls(&mut self, index: usize) {
         let (ends, _) = self.spring_with_ends(index);
         ends.into_iter().for_each(|end| self.strain(end));
     }

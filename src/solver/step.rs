@@ -26,7 +26,8 @@ use stiff::surroundings;
 /// What moves the particles and colliders in a tick, apart from the physics.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
-    /// Where each pinned particle goes; one that is not listed moves at its velocity.
+    /// Where each pinned particle goes; one that is not listed moves at its velocity. [`Solver::step`](super::Solver::step) drops
+    /// those of particles that do not exist.
     pub pinned: Vec<PinnedMotion>,
     /// The colliders.
     pub colliders: Vec<Collider>,
@@ -63,7 +64,8 @@ pub(crate) struct Caches {
 
 /// Advances `state` by one tick of `settings.time_step` seconds.
 ///
-/// Never panics on values: what overflows becomes non-finite, and is the caller's to find.
+/// The motions in `inputs` are of particles that exist. Never panics on values: what overflows becomes non-finite, and is the caller's to
+/// find.
 pub(crate) fn step(
     state: &mut State,
     inputs: &Inputs,
@@ -209,7 +211,7 @@ impl Caches {
         if has_ramps {
             elements.ramp_to(elapsed);
         }
-        if self.strain_limits.apply(elements, particles, substep, |slot| pulls.touch(slot)) {
+        if self.strain_limits.apply(elements, particles, substep, |slot| pulls.set_touching(slot)) {
             self.scratch.disturb();
         }
         if has_ramps {
@@ -243,7 +245,7 @@ impl Caches {
         yielded.iter().for_each(|(spring, strain)| elements.deform_spring(*spring, *strain));
         let changed = yielded.iter().map(|(spring, _)| *spring as usize);
         for spring in removed.iter().copied().chain(changed) {
-            spring_ends(elements, spring).into_iter().for_each(|end| pulls.forget(end));
+            spring_ends(elements, spring).into_iter().for_each(|end| pulls.invalidate(end));
             if !plan.integrator.is_implicit() {
                 self.blocks.set_parameters(spring, elements.springs().elements()[spring]);
             }

@@ -1,11 +1,11 @@
-//! What is known of surfaces: how the air acts on them, the gas that they enclose, and what of them collides.
+//! Surfaces: the air that acts on them, the gas that they enclose, and the edges and triangles that collide.
 //!
 //! Faces, filaments and gases are numbered as springs are: in the order of adding, a removed one leaves an empty place.
 
 use std::ops::Range;
 
 use crate::solver::door::{Solver, SolverError, non_negative};
-use crate::solver::elements::{CollisionEdge, Enclosure, Face, Filament, Gas, NONE, edges_of};
+use crate::solver::elements::{CollisionEdge, Enclosure, Face, Filament, Gas, NO_SPRING, edges_of};
 use crate::solver::gusts::AirClock;
 use crate::solver::state::State;
 
@@ -64,21 +64,21 @@ impl State {
     /// Appends a gas that a closed surface of triangles encloses, counter-clockwise seen from outside; its number.
     pub(crate) fn add_gas(&mut self, triangles: &[[u32; 3]], gas: Gas) -> usize {
         let number = self.elements.push_gas(Enclosure::new(triangles, gas));
-        self.forget_pulls_of_gas(number);
+        self.invalidate_pulls_of_gas(number);
         number
     }
 
     /// Changes a gas; a removed one stays removed.
     pub(crate) fn set_gas(&mut self, number: usize, gas: Gas) {
         if self.elements.gases().all()[number].gas != gas {
-            self.forget_pulls_of_gas(number);
+            self.invalidate_pulls_of_gas(number);
             self.elements.set_gas(number, gas);
         }
     }
 
     /// Removes a gas.
     pub(crate) fn remove_gas(&mut self, number: usize) {
-        self.forget_pulls_of_gas(number);
+        self.invalidate_pulls_of_gas(number);
         self.elements.remove_gas(number);
     }
 
@@ -103,10 +103,10 @@ impl State {
     }
 
     /// What pulls at the particles of a surface is other by now.
-    fn forget_pulls_of_gas(&mut self, number: usize) {
+    fn invalidate_pulls_of_gas(&mut self, number: usize) {
         for slot in &self.elements.gases().all()[number].slots {
             self.sleep.disturb(*slot as usize);
-            self.pulls.forget(*slot as usize);
+            self.pulls.invalidate(*slot as usize);
         }
     }
 }
@@ -293,7 +293,7 @@ impl Solver {
 
     fn edge_between(&self, ends: [u32; 2]) -> CollisionEdge {
         let [one, other] = ends.map(|end| self.position(end as usize));
-        CollisionEdge { ends, rest_length: one.distance(other), spring: NONE }
+        CollisionEdge { ends, rest_length: one.distance(other), spring: NO_SPRING }
     }
 
     fn check_ends(&self, ends: &[usize]) -> Result<(), SolverError> {

@@ -1,7 +1,7 @@
 //! Taking over a state that was put back: its entities get the slots that it says.
 //!
-//! The world may differ from the one that the state was saved in: entities are gone, others are there, some were
-//! disabled or enabled in the meantime. All that is as if it happened in this tick.
+//! The world may differ from the one in which the state was saved: entities may be missing, new, disabled or enabled since. All these
+//! changes are treated as if they happened in this tick.
 
 use bevy::ecs::entity::EntityHashSet;
 use bevy::prelude::*;

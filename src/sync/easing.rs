@@ -1,4 +1,4 @@
-//! What interpolation does to a `Transform` between ticks, seen through; nothing without the feature.
+//! Reads the position of the last tick behind a `Transform` that interpolation has eased; without that feature, the `Transform`.
 
 #[cfg(feature = "interpolation")]
 pub(super) use eased::{Easing, exact_translation, reset};

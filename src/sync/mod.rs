@@ -1,4 +1,4 @@
-//! The only code that knows both sides: the ECS and the solver's arrays.
+//! The only module that imports both sides: the ECS and the solver's arrays.
 //!
 //! ```text
 //! observers ──► state      registries: which entities exist, in the order of spawning

@@ -149,7 +149,7 @@ fn move_particles(
     state: &mut MassSpringState,
     (particles, nets): (&[Entity], &[Entity]),
     motion: &RigidMotion,
-    forgets_contacts: bool,
+    clears_contacts: bool,
 ) {
     let slot_of: EntityHashMap<usize> = state.particles.slots.iter().copied().zip(0..).collect();
     let dimensions = *world.resource::<Dimensions>();
@@ -180,11 +180,11 @@ fn move_particles(
     round_nets(state, &mut world.resource_mut::<Simulation>(), &mut travellers);
     move_origin(state, &travellers);
     let view = View::new(state.solver.origin, dimensions);
-    if forgets_contacts {
+    if clears_contacts {
         strain_nets(state, &mut world.resource_mut::<Simulation>(), &travellers);
     }
     for traveller in &travellers {
-        arrive(world, state, traveller, motion, view, forgets_contacts);
+        arrive(world, state, traveller, motion, view, clears_contacts);
     }
 }
 
@@ -290,11 +290,11 @@ fn arrive(
     &Traveller { entity, number, depth, slot, place, .. }: &Traveller,
     motion: &RigidMotion,
     view: View,
-    forgets_contacts: bool,
+    clears_contacts: bool,
 ) {
     let position = view.flatten((place - view.origin.as_dvec3()).as_vec3());
     if let Some(number) = number {
-        arrive_in_net(world, state, (entity, number, slot), position, motion, (view, forgets_contacts));
+        arrive_in_net(world, state, (entity, number, slot), position, motion, (view, clears_contacts));
         return;
     }
     let (frame, _) = frame_of(world, entity);
@@ -316,7 +316,7 @@ fn arrive(
         true => view.child_to_solver(&seen, translation),
         false => position,
     };
-    match forgets_contacts {
+    match clears_contacts {
         true => state.solver.teleport(slot, position),
         false => state.solver.carry(slot, position, |vector| motion.turn(vector)),
     }
@@ -331,7 +331,7 @@ fn arrive_in_net(
     (entity, number, slot): (Entity, usize, Option<usize>),
     position: Vec3,
     motion: &RigidMotion,
-    (view, forgets_contacts): (View, bool),
+    (view, clears_contacts): (View, bool),
 ) {
     let Some(mut net) = world.get_mut::<ParticleNet>(entity) else { return };
     let is_pinned = net.is_pinned(number as u32);
@@ -341,7 +341,7 @@ fn arrive_in_net(
     net.velocities_mut()[number] = velocity;
     let Some(slot) = slot else { return };
     let position = if is_pinned { view.to_solver(translation) } else { position };
-    match forgets_contacts {
+    match clears_contacts {
         true => state.solver.teleport(slot, position),
         false => state.solver.carry(slot, position, |vector| motion.turn(vector)),
     }

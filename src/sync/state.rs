@@ -41,7 +41,7 @@ pub struct MassSpringState {
     pub(super) bends: BendRegistry,
     /// The colliders in the order of spawning.
     pub(super) colliders: Vec<RegisteredCollider>,
-    /// The pairs of entities that touched in the last tick, sorted, if anybody asks.
+    /// The pairs of entities that touched in the last tick, sorted; recorded if requested.
     #[cfg_attr(feature = "serialize", serde(default))]
     pub(super) touching: Vec<[Entity; 2]>,
     /// Something happened that all slots depend on.
@@ -87,7 +87,7 @@ impl MassSpringState {
         self.touching.clear();
         self.solver.clear();
         self.solver.origin = Vec3::ZERO;
-        self.solver.forget_contacts();
+        self.solver.clear_contacts();
         self.solver.reset_air_clock();
         self.is_outdated = true;
         self.version = Version::new();

@@ -21,18 +21,18 @@ pub(super) struct Requests<'w, 's> {
 }
 
 impl Requests<'_, '_> {
-    /// Whether they are anywhere.
+    /// Whether anything reads them.
     pub fn any(&self) -> bool {
         self.started.is_some() || self.ended.is_some() || !self.marked.is_empty()
     }
 }
 
-/// Whether there is anything to tell, or to forget.
+/// Whether events are due or stored pairs are to be dropped.
 pub(super) fn is_requested(requests: Requests, state: Res<MassSpringState>) -> bool {
     requests.any() || !state.touching.is_empty()
 }
 
-/// Tells of the pairs that touched in this tick and not in the last one, and the other way round.
+/// Publishes the pairs that touch in this tick and did not in the last one, and those that did and do not any more.
 pub(super) fn publish_touching(
     mut state: ResMut<MassSpringState>,
     simulation: Res<Simulation>,

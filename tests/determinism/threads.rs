@@ -1,5 +1,6 @@
 //! Any number of threads: child processes run the same on pools of several sizes, as those are made once in a process.
 
+use std::ffi::OsStr;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::process::Command;
 
@@ -23,7 +24,18 @@ const OTHER_TICKS: u32 = 10;
 /// Ticks of nets by each scheme.
 const NET_TICKS: u32 = 2;
 
+/// Ticks before the first snapshot.
+#[cfg(feature = "scene")]
+const SNAPSHOT_TICKS: u32 = 30;
+
+/// Ticks after each snapshot.
+#[cfg(feature = "scene")]
+const FOLLOWED_TICKS: u32 = 2;
+
 const THREADS: &str = "MASS_SPRING_TEST_THREADS";
+
+/// The file of snapshots that one child process writes and another one reads.
+const SNAPSHOTS: &str = "MASS_SPRING_TEST_SNAPSHOTS";
 
 /// An app on as many threads as the environment says, which it prints; `None` if that says nothing.
 fn app_on_threads() -> Option<App> {
@@ -100,6 +112,58 @@ fn child_prints_its_history() {
     sleeping_pile().into_iter().for_each(|hash| println!("hash {hash}"));
 }
 
+/// Not a test but the child process of another one. It takes a snapshot under each scheme, prints what follows each, and compares
+/// what follows when it is put back. It writes the snapshots to a file; if that exists it reads them instead, and prints what
+/// follows them in its app.
+#[cfg(feature = "scene")]
+#[test]
+#[ignore = "run by a_snapshot_is_read_on_another_number_of_threads"]
+fn child_follows_snapshots() {
+    let Some(mut app) = app_on_threads() else { return };
+    let path = std::env::var_os(SNAPSHOTS).expect("the parent names a file");
+    let mut all = scene(&mut app, 20, |_| {});
+    all.extend(large_scene(&mut app));
+    let written: Option<Vec<Snapshot>> = std::fs::read_to_string(&path)
+        .ok()
+        .map(|text| ron::from_str(&text).expect("it was written by a child"));
+    // Balls touch by then.
+    let ticks = if written.is_some() { 1 } else { SNAPSHOT_TICKS };
+    run(&mut app, ticks);
+    let mut taken = Vec::new();
+    for (number, integrator) in Integrator::ALL.into_iter().enumerate() {
+        let settings = match integrator {
+            Integrator::Auto => SolverSettings::default(),
+            Integrator::ImplicitEuler | Integrator::TrBdf2 => common::scheme(integrator, 1),
+            _ => common::scheme(integrator, 8),
+        };
+        app.insert_resource(settings);
+        let follow = |app: &mut App| history(app, &all, FOLLOWED_TICKS);
+        let followed = if let Some(written) = &written {
+            written[number].restore_in_order(app.world_mut()).expect("it is the same scene");
+            follow(&mut app)
+        } else {
+            // What schemes remember is of a tick of their own.
+            run(&mut app, 1);
+            let snapshot = Snapshot::take(app.world());
+            let followed = follow(&mut app);
+            snapshot.restore(app.world_mut());
+            assert_same(
+                &followed,
+                &follow(&mut app),
+                &format!("{integrator}: what follows a snapshot that was put back"),
+            );
+            snapshot.restore(app.world_mut());
+            taken.push(snapshot);
+            followed
+        };
+        followed.into_iter().for_each(|hash| println!("hash {hash}"));
+    }
+    if written.is_none() {
+        std::fs::write(path, ron::to_string(&taken).expect("a snapshot can be written"))
+            .expect("the folder exists");
+    }
+}
+
 /// Not a test but the child process of another one: colliders of every shape.
 #[test]
 #[ignore = "run by the_number_of_threads_does_not_matter_among_colliders"]
@@ -109,9 +173,15 @@ fn child_prints_the_history_among_colliders() {
 }
 
 fn history_on(threads: usize, name: &str) -> Vec<u64> {
+    history_with(threads, name, "")
+}
+
+/// The history that a child process prints, with a file of snapshots.
+fn history_with(threads: usize, name: &str, snapshots: impl AsRef<OsStr>) -> Vec<u64> {
     let child = Command::new(std::env::current_exe().expect("the path of the test binary is available"))
         .args(["--exact", name, "--ignored", "--nocapture"])
         .env(THREADS, threads.to_string())
+        .env(SNAPSHOTS, snapshots)
         .output()
         .expect("the test binary starts");
     let output = String::from_utf8_lossy(&child.stdout);
@@ -136,6 +206,22 @@ fn the_number_of_threads_does_not_matter() {
     assert_eq!(one.len(), (LARGE_TICKS + 3 * OTHER_TICKS + SLEEP_TICKS / 10) as usize + 1);
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
+    }
+}
+
+/// A snapshot of each scheme, written on one thread and read on others, in another process.
+#[cfg(feature = "scene")]
+#[test]
+fn a_snapshot_is_read_on_another_number_of_threads() {
+    let name = "threads::child_follows_snapshots";
+    let folder = tempfile::tempdir().expect("there is a folder for temporary files");
+    let path = folder.path().join("snapshots.ron");
+    let one = history_with(1, name, &path);
+    assert_eq!(one.len(), Integrator::ALL.len() * FOLLOWED_TICKS as usize);
+    assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
+    for threads in [1, 8] {
+        let other = history_with(threads, name, &path);
+        assert_same(&one, &other, &format!("what follows the snapshots on {threads} threads"));
     }
 }
 

@@ -12,12 +12,14 @@ use crate::common::bodies::{falling, position, velocity};
 use crate::common::shapes::with;
 
 const RADIUS: f32 = 0.5;
-/// Segments that lie on the cylinder, and that hang from it on either side.
+/// Number of segments that lie on the cylinder.
 const WRAPPED: usize = 160;
+/// Number of segments that hang from it on either side.
 const HANGING: usize = 20;
-/// The smaller force, N, and the mass that it pulls at, kg. The larger ones are as many times that as the ratio at which the
-/// rope slips says, so that all accelerate alike, by 2 m/s² where the force is twice that ratio.
+/// The smaller force, N. The larger one is that times the ratio at which the rope slips.
 const FORCE: f32 = 0.5;
+/// The mass that it pulls at, kg. The larger one is in the same ratio, so that all accelerate alike, by 2 m/s² where the force is twice
+/// that at which the rope slips.
 const LOAD: f32 = 0.125;
 
 /// A rope as a scheme can bear it.

@@ -6,9 +6,11 @@ use bevy_mass_spring::solver::{self, Integrator, Solver, StepSettings, SubstepMo
 /// The largest relative error of one f32 rounding.
 const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
 
-/// ω² of the oscillator, 1/s²; and the step: a = h²ω² = 1/16, hω = 1/4, both exact.
+/// ω² of the oscillator, 1/s².
 const STIFFNESS: f32 = 256.0;
+/// The step h, s: hω = 1/4.
 const STEP: f32 = 1.0 / 64.0;
+/// h²ω², exact.
 const A: f64 = 1.0 / 16.0;
 
 /// An undamped spring of rest length 0 between a pinned particle and one of 1 kg that is let go at

@@ -191,3 +191,16 @@ fn a_plane_under_a_moving_parent_pushes() {
         assert_eq!(position(&app, ball), Vec3::Y * (0.25 + f32::from(tick) * TICK), "tick {tick}");
     }
 }
+
+/// `solver::Solver` drops them, so that the others are followed.
+#[test]
+fn motions_of_particles_that_do_not_exist_are_dropped() {
+    use bevy_mass_spring::solver::{PinnedMotion, Solver, StepSettings};
+    let mut solver = Solver::default();
+    let anchor = solver.add_particle(Vec3::ZERO, Vec3::ZERO, f32::INFINITY, 0.1).unwrap();
+    solver.inputs_mut().pinned.push(PinnedMotion { slot: 7, start: Vec3::ZERO, target: Vec3::X });
+    solver.move_pinned(anchor, Vec3::Y);
+    solver.step(&StepSettings::default());
+    assert_eq!(solver.position(anchor), Vec3::Y);
+    assert_eq!(solver.inputs_mut().pinned.len(), 1);
+}

@@ -6,8 +6,9 @@ use bevy_mass_spring::solver::{self, Solver, StepSettings};
 
 use crate::common::{TICK, app, run, velocity};
 
-/// A load of 10 kg on a winch: k in N/m, c in N·s/m.
+/// Stiffness of the rope that carries a load of 10 kg on a winch, N/m.
 const STIFFNESS: f32 = 1e6;
+/// Its damping, N·s/m.
 const DAMPING: f32 = 5000.0;
 
 fn settings(integrator: Integrator, substeps: SubstepMode) -> StepSettings {

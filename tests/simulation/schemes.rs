@@ -139,9 +139,10 @@ fn a_contact_elsewhere_changes_nothing() {
     }
 }
 
-/// A spring of rest length 0 between a pinned particle and one of 1 kg on the x axis: a harmonic
-/// oscillator, x'' = −ω² x − γ x', with nothing but relative roundings.
+/// ω of a spring of rest length 0 between a pinned particle and one of 1 kg on the x axis, 1/s: a harmonic oscillator,
+/// x'' = −ω² x − γ x', with nothing but relative roundings.
 const OMEGA: f64 = std::f64::consts::TAU;
+/// γ of it, 1/s.
 const GAMMA: f32 = 0.5;
 
 /// The time that the oscillator runs, s. Not a whole period (1 s undamped): the errors of the

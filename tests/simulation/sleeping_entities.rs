@@ -91,7 +91,7 @@ fn nothing_sleeps_unless_it_is_enabled() {
 }
 
 #[test]
-fn who_sleeps_is_told() {
+fn sleeping_particles_are_published() {
     let mut scene = scene();
     let Scene { on_table, on_ground, anchor, load, rope, .. } = scene;
     let sleeping = scene.sleeping();
@@ -202,7 +202,7 @@ fn what_a_game_does_around_them_wakes_them() {
 }
 
 #[test]
-fn a_snapshot_keeps_who_sleeps() {
+fn a_snapshot_keeps_the_sleeping_particles() {
     let mut scene = scene();
     let push = |scene: &mut Scene| {
         let mut history = Vec::new();
@@ -233,7 +233,7 @@ fn a_snapshot_keeps_who_sleeps() {
 
 #[cfg(feature = "scene")]
 #[test]
-fn a_written_snapshot_keeps_who_sleeps() {
+fn a_written_snapshot_keeps_the_sleeping_particles() {
     let mut scene = scene();
     let snapshot = ron::to_string(&Snapshot::take(scene.app.world())).unwrap();
     run(&mut scene.app, 50);

@@ -314,6 +314,7 @@ fn a_tower_of_stiff_cubes_stands() {
         let level = match contact.other {
             ContactPartner::Collider(_) => 0,
             ContactPartner::Particle(other) => contact.slot.max(other) / 27,
+            other => panic!("{other:?} is not in the scene"),
         };
         carried[level] += (contact.impulse * contact.normal.y).abs() / settings.time_step;
     }

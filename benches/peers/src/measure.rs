@@ -6,14 +6,20 @@ use crate::peers::{Entry, Peer};
 use crate::reference;
 use crate::scene::{Scene, TICKS};
 
-/// The second starts again until this much time has been spent in ticks, at most [`REPETITIONS`] times.
+/// The measured second is repeated until this much time has been spent in ticks.
 const TIME_TO_SPEND: Duration = Duration::from_secs(3);
+
+/// Number of repetitions, at most.
 const REPETITIONS: usize = 20;
+
 /// A peer whose tick takes longer than this ends after [`SLOW_TICKS`] of them.
 const SLOW: Duration = Duration::from_secs(1);
+
+/// See [`SLOW`].
 const SLOW_TICKS: usize = 5;
-/// A peer with a greater error, m, has exploded, and its time is meaningless.
-const EXPLODED: f64 = 100.0;
+
+/// A peer with a greater error, m, has diverged, and its time is meaningless.
+const DIVERGED: f64 = 100.0;
 
 /// Measures, and returns the row of the table.
 ///
@@ -30,7 +36,7 @@ pub fn row(scene: &Scene, entry: &Entry) -> std::io::Result<String> {
         // The first tick builds what the others use.
         durations.extend_from_slice(&ticks[1..]);
         let error = reference::root_mean_square_error(&peer.positions(), &truth);
-        if error.is_nan() || error > EXPLODED {
+        if error.is_nan() || error > DIVERGED {
             return Ok(format!("| {} | {} | – | – | – | exploded |", entry.name, peer.substeps()));
         }
         let slow = ticks.len() < TICKS;

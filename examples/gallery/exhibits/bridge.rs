@@ -20,8 +20,9 @@ const HALF_WIDTH: f32 = 0.35;
 const DECK: f32 = 1.6;
 const RAIL: f32 = 0.75;
 const SEGMENTS: u32 = 48;
-/// Every so many particles of the ropes there is a plank, and a hanger every so many planks.
+/// Number of particles of the ropes from one plank to the next.
 const PLANK: u32 = 1;
+/// Number of planks from one hanger to the next.
 const HANGER: u32 = 4;
 
 /// Softer than hemp and with less damping of its own, so that the explicit schemes take it in some tens of substeps.

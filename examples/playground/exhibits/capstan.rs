@@ -20,8 +20,9 @@ const BEAM: f32 = 2.0;
 const RADIUS: f32 = 0.22;
 const ROPE: f32 = 0.02;
 const HANGING: f32 = 0.8;
-/// kg.
+/// The mass of the lighter load, kg.
 const LIGHT: f32 = 1.0;
+/// How many times as heavy the other load is, for each rope.
 const RATIOS: [f32; 3] = [2.0, 3.0, 1.0];
 
 pub fn plugin(app: &mut App) {

@@ -21,6 +21,7 @@ const EXHIBIT: Exhibit = Exhibit {
 const SIDES: u32 = 48;
 /// Height and radius of the rings of the funnel, m, from its mouth down.
 const RINGS: [[f32; 2]; 4] = [[2.1, 0.9], [1.3, 0.2], [0.9, 0.16], [0.85, 0.16]];
+/// Number of ropes that fall into it.
 const ROPES: u8 = 14;
 
 pub fn plugin(app: &mut App) {

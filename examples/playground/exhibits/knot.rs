@@ -17,8 +17,9 @@ const EXHIBIT: Exhibit = Exhibit {
 };
 
 const HEIGHT: f32 = 1.3;
-/// How fast each end is pulled, m/s, and how far, m.
+/// The speed at which each end is pulled, m/s.
 const SPEED: f32 = 0.25;
+/// The distance by which each end is pulled, m.
 const WAY: f32 = 1.2;
 
 pub fn plugin(app: &mut App) {

@@ -1,7 +1,7 @@
 //! From the particles of a rope to what the vertex shader reads of them.
 //!
-//! A strand has two entries more at each end, of which the shader's splines need the places: of a loop those that
-//! follow there, else the next ones inwards, reflected at the end. So the shader knows of no ends.
+//! A strand has two more entries at each end, as control points of the shader's splines: those of a loop repeat its other end, those of
+//! others are the next particles inwards, reflected at the end. So the shader needs no special case for ends.
 
 use bevy::math::Vec3A;
 

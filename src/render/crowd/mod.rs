@@ -32,7 +32,7 @@ use super::tube::Tube;
 ///
 /// Ropes of a crowd have no meshes of their own. All that are alike (as many links of the same rest lengths, the same
 /// `RopeMesh`) share one, and a vertex shader places it: hundreds of ropes cost about what their particles do, in one
-/// draw call a material. It looks as without. The `MeshMaterial3d<StandardMaterial>` of the entity is taken for its
+/// draw call a material. It looks as without this component. The `MeshMaterial3d<StandardMaterial>` of the entity is taken for its
 /// `MeshMaterial3d<RopeCrowdMaterial>` and comes back when this component is removed; changes of the material are followed.
 ///
 /// It acts with the feature `crowd` (part of `viewer`) on graphics cards with storage buffers in vertex shaders (native and
@@ -49,7 +49,9 @@ use super::tube::Tube;
 /// }
 /// ```
 #[derive(Component, Debug, Clone, Copy, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 pub struct RopeCrowd;
 
 /// What the vertex shader reads of a particle: its place in the world, m, the cross-sections a link, the normal of its

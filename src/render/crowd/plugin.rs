@@ -134,7 +134,7 @@ impl Crowds {
         mesh
     }
 
-    fn forget(&mut self, place: &CrowdPlace) {
+    fn release(&mut self, place: &CrowdPlace) {
         self.places.give_back(place.start, place.count);
         if let Some(number) = self.tubes.iter().position(|shared| shared.mesh == place.mesh) {
             self.tubes[number].users -= 1;
@@ -173,7 +173,7 @@ fn join(
 
 fn give_back(gone: On<Discard, CrowdPlace>, places: Query<&CrowdPlace>, mut crowds: ResMut<Crowds>) {
     if let Ok(place) = places.get(gone.entity) {
-        crowds.forget(place);
+        crowds.release(place);
     }
 }
 
@@ -208,7 +208,7 @@ fn dress(
     }
 }
 
-/// Changes what was made of materials that changed, and forgets those that are gone.
+/// Changes what was made of materials that changed, and drops those that are gone.
 fn follow_materials(
     mut changes: MessageReader<AssetEvent<StandardMaterial>>,
     mut crowds: ResMut<Crowds>,

@@ -11,9 +11,10 @@ use super::chains::{Chain, Durations, Proof};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
-/// The skins of slow particles, as a part of their radius: thin ones as long as lists last, which keeps them
-/// short, wide ones when they do not, which makes new lists rarer.
+/// The skin of slow particles as long as lists last, as a fraction of the radius: thin, which keeps lists short.
 const THIN_SKIN: f32 = 0.2;
+
+/// The same where lists do not last: wide, which makes new ones rarer.
 const WIDE_SKIN: f32 = 0.4;
 
 /// Skins become wide when a thin one is used up in fewer substeps: a new list of 10,000 balls in a pile takes

@@ -47,7 +47,7 @@ pub(super) struct Candidates {
 impl Candidates {
     /// There are `count` particles, and no pairs among them.
     pub fn disable(&mut self, memory: &mut ContactMemory, count: usize) {
-        memory.forget();
+        memory.clear();
         self.list.clear();
         self.groups.clear();
         self.regions.set_single(count);
@@ -329,7 +329,7 @@ mod tests {
         assert_eq!(pairs.impulses([0, 1]), Some(turned), "the roles have changed");
         assert_eq!(pairs.impulses([1, 2]), None);
 
-        pairs.memory.forget_particle(0);
+        pairs.memory.clear_particle(0);
         pairs.refresh(&particles);
         assert_eq!(pairs.impulses([0, 1]), None);
     }
@@ -344,7 +344,7 @@ mod tests {
         pairs.memory.request_search();
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
         assert_eq!(pairs.past([0, 1]), Past::Apart, "neither is new");
-        pairs.memory.forget_particle(0);
+        pairs.memory.clear_particle(0);
         pairs.refresh(&particles);
         assert_eq!(pairs.past([0, 1]), Past::Entangled);
         assert_eq!(pairs.past([1, 2]), Past::Apart);

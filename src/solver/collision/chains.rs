@@ -1,11 +1,10 @@
-//! Ropes and the like that touch nothing for a while, as units: the broad phase before the broad phase.
+//! Ropes and other chains that touch nothing for a while: a broad phase for whole chains, before that for particles.
 //!
-//! A *chain* is a row of slots of which springs join each to the next. It is *free* as long as two things hold that
-//! are found out once and then only checked:
-//! - All of it is in a box, larger than itself by what it will need in the next ticks, and no other such box and no
-//!   sphere's skin reach into it. So it touches nothing else.
-//! - Since its origins were noted, no particle has moved, relative to its neighbour in the row, by more than the
-//!   chain's *play*: the least of (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| over its pairs. The separation of i and j changes by
+//! A *chain* is a row of consecutive slots, each joined to the next by a spring. It is *free* as long as two conditions hold, which are
+//! established by a search and then only checked:
+//! - All of it is in a box, enlarged by the motion that is expected in the next ticks, with which no other such box and no skin of a
+//!   sphere overlaps. So it touches nothing else.
+//! - Since the search, no particle has moved, relative to its neighbour in the row, by more than the chain's *play*: the least of (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| over its pairs. The separation of i and j changes by
 //!   |i − j| times as much at most, so the chain does not touch itself. (Unlike a skin it is not used up by a
 //!   motion of the whole, and slowly by a rotation.)
 //!
@@ -18,18 +17,22 @@ use bevy::math::Vec3;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
-/// Number of particles of a chain, at least and at most: all its pairs are looked at.
+/// Least number of particles of a chain.
 pub(super) const MIN_LENGTH: usize = 4;
+
+/// Greatest number of particles of a chain, as the search tests all its pairs.
 pub(super) const MAX_LENGTH: usize = 128;
 
-/// The part of the speed along an axis, and of the speed in any direction, that a box allows for changes of the
-/// velocity.
+/// Change of the velocity along an axis that a box allows for, as a fraction of the speed along it.
 const CHANGE_ALONG: f32 = 0.5;
+
+/// What it allows for beside that, as a fraction of the speed in any direction.
 const CHANGE_ACROSS: f32 = 0.05;
 
-/// The part of its play that a chain uses before it is looked at anew: the rest is for one substep. A search looks at it
-/// anew from a smaller part on, so that fewer of its proofs end before the next one.
+/// Fraction of its play that a chain may use until it is searched anew: the rest is for one substep.
 const USED_PLAY: f32 = 0.75;
+
+/// The same during a search of all particles: less, so that fewer chains need another search before the next one.
 const KEPT_PLAY: f32 = 0.4;
 
 /// Number of substeps for which the play of a free chain is to last at the present velocities.
@@ -112,7 +115,7 @@ impl Chain {
         let (x, y, z) = (&x[slots.clone()], &y[slots.clone()], &z[slots.clone()]);
         let [from_x, from_y, from_z] = origins.axes();
         let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
-        // Numbers as wide as coordinates: the compiler makes vectors of them. 0 of NaN.
+        // Numbers as wide as coordinates: the compiler makes vectors of them. 0 for NaN.
         let is_inside = |place: usize| {
             let inside = |x: f32, axis: usize| u32::from(x >= least[axis]) & u32::from(x <= most[axis]);
             inside(x[place], 0) & inside(y[place], 1) & inside(z[place], 2)

@@ -1,4 +1,4 @@
-//! Colliders: solids that move as they are told, and where they are in a substep.
+//! Colliders: solids with a prescribed motion, and their poses in a substep.
 
 use bevy::math::{DVec3, Quat, Vec3};
 
@@ -21,7 +21,7 @@ pub struct Collider {
     pub surface_velocity: Vec3,
     /// Which particles it touches.
     pub layers: Layers,
-    /// Whether it lets all through, and is told of in the contacts only.
+    /// Whether it exerts no force, and is only reported in the contacts.
     pub is_sensor: bool,
 }
 

@@ -1,18 +1,17 @@
 //! Which edges and triangles of nets touch which colliders between their corners, at the end of a substep.
 //!
-//! Half-spaces need no search, as what is between spheres above a plane is above it. What moves by more than half its
-//! thickness and half that of the collider is swept.
+//! Half-spaces need no search: if the spheres at the corners are above a plane, so is all that is between them. Features that move by
+//! more than half their thickness and half that of the collider are swept.
 //!
 //! The pairs that may touch are listed when a tick begins, and again when the particles have moved by more than the margin of
-//! the list. Each has a *clearance*, by which it is apart for certain: the distance of two solids changes by no more than what
-//! the points of both move by (it is Lipschitz continuous of constant 1 in each). Only where that is used up the distance is
-//! computed anew.
+//! the list. Each has a *clearance*, a lower bound of its distance: a distance changes by no more than the displacements of both
+//! sides (it is Lipschitz continuous with constant 1 in each). Only where the clearance is used up the distance is computed again.
 //!
-//! What touches, or nearly, keeps the point and the plane that were found there, its *anchor*, and touches where that point is
-//! below that plane, until it has moved by a thousandth of its radius: another point is deeper by then, and the surface is turned
-//! there, by no more than the square of that way over the sizes of both. So what rests is held in each substep, at the same point.
-//! Were it left alone while it is a little apart, it would fall, be pushed out, and keep the springs vibrating that press it
-//! against the collider.
+//! A feature that touches, or nearly touches, keeps the contact point and the tangent plane that were found, its *anchor*, until it has
+//! moved by a thousandth of its radius; it touches while that point is below that plane. The true contact point and plane have moved by
+//! then, but the depth is wrong only by the square of that displacement over the sizes of both. So what rests is held in each substep
+//! at the same point. Without that it would fall whenever it is slightly apart, be pushed out, and keep the springs vibrating that
+//! press it against the collider.
 
 use bevy::math::{DVec3, Vec3, Vec3A};
 
@@ -35,16 +34,20 @@ const CHUNKS_PER_PART: usize = 32;
 /// Number of edges and triangles from which on the parts are shared among threads.
 const MIN_SHARED: usize = 4096;
 
-/// The margin of a list: as many times the longest way in a substep, and this part of the largest radius.
+/// The margin of a list, as a multiple of the longest displacement in a substep.
 const MARGIN_IN_WAYS: f32 = 8.0;
+
+/// What is added to that margin, as a fraction of the largest radius.
 const MARGIN_IN_RADII: f32 = 0.5;
 
-/// What touched nothing between its corners when it was looked at may come this deep before it is looked at again, as a part
-/// of its radius, and m: what lies flat on something costs nothing more than its corners.
+/// Depth that a feature may reach between its corners before its distance is computed again, as a fraction of its radius: what lies
+/// flat on something costs no more than its corners.
 const UNSEEN_IN_RADII: f64 = 0.005;
+
+/// What is added to that depth, m.
 const UNSEEN: f64 = 2e-5;
 
-/// The way for which an anchor holds, as a part of the radius.
+/// Displacement up to which an anchor is kept, as a fraction of the radius.
 const HELD_IN_RADII: f64 = 0.001;
 
 /// The search: a cache within a tick.
@@ -57,7 +60,7 @@ pub(super) struct FeatureSearch {
     seen: Vectors,
     /// How far each particle has moved since, m, rounded up.
     ways: Vec<f32>,
-    /// The longest way of a point of each collider, m, rounded up.
+    /// The longest displacement of a point of each collider, m, rounded up.
     collider_ways: Vec<f32>,
 }
 
@@ -90,12 +93,12 @@ struct Pair {
     place: u32,
     /// By how much they are apart for certain, or their anchor holds, m; <= 0: nothing is known.
     clearance: f32,
-    /// The number of their anchor in the part; [`NONE`](Self::NONE).
+    /// The number of their anchor in the part; [`NO_ANCHOR`](Self::NO_ANCHOR) if there is none.
     anchor: u32,
 }
 
 impl Pair {
-    const NONE: u32 = u32::MAX;
+    const NO_ANCHOR: u32 = u32::MAX;
 }
 
 /// The point of a feature that was the deepest when it was looked at, and the plane that touches the surface there, in the axes
@@ -227,7 +230,7 @@ impl Part {
                     let collider = &colliders[placed.numbers[place as usize] as usize];
                     let clearance = own.distance(&placed.bounds[place as usize]);
                     if clearance <= margin && !collider.is_sensor && layers.meet(collider.layers) {
-                        self.pairs.push(Pair { feature: number, place, clearance, anchor: Pair::NONE });
+                        self.pairs.push(Pair { feature: number, place, clearance, anchor: Pair::NO_ANCHOR });
                     }
                 }
             }
@@ -247,7 +250,7 @@ impl Part {
             let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
             pair.clearance -= a.max(b).max(c) + collider_ways[pair.place as usize];
             let is_known = pair.clearance > 0.0;
-            if is_known && pair.anchor == Pair::NONE {
+            if is_known && pair.anchor == Pair::NO_ANCHOR {
                 continue;
             }
             let is_implicit = |slot: &u32| search.is_implicit.get(*slot as usize) == Some(&true);
@@ -261,14 +264,14 @@ impl Part {
                 continue;
             }
             match search.look_at(feature, place) {
-                Look::Apart(clearance) => (pair.clearance, pair.anchor) = (clearance, Pair::NONE),
+                Look::Apart(clearance) => (pair.clearance, pair.anchor) = (clearance, Pair::NO_ANCHOR),
                 Look::Swept(anchor) => {
-                    pair.anchor = Pair::NONE;
+                    pair.anchor = Pair::NO_ANCHOR;
                     touches.extend(search.touch_at((feature, key), place, &anchor));
                 }
                 Look::Near(anchor, clearance) => {
                     pair.clearance = clearance;
-                    if pair.anchor == Pair::NONE {
+                    if pair.anchor == Pair::NO_ANCHOR {
                         pair.anchor = anchors.len() as u32;
                         anchors.push(anchor);
                     } else {
@@ -348,7 +351,6 @@ impl Search<'_> {
         let radius = weigh(slots.map(|slot| f64::from(self.particles.radius()[slot])), weights);
         let normal = moment.to.direction(&collider.shape, normal);
         let gap = (point - moment.to.to_world(foot)).dot(normal) - radius;
-        // Touch of NaN none.
         if gap.is_nan() || gap > rounding(point, radius, moment.to.point) {
             return None;
         }

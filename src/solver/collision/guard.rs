@@ -1,12 +1,12 @@
-//! The last word on where edges and triangles of nets go in a substep: none passes through a collider, whatever has moved it.
+//! Final check of a substep: no edge or triangle of a net passes through a collider, whatever has moved it.
 //!
-//! Contacts push out what is nearest to the surface; what is fast may be beyond a thin solid by then, or be pushed by others. So
-//! each feature that moves by more than a twentieth of its radius (without one, a quarter of the thickness of the solid) is followed on
-//! its way (`shapes/arrival.rs`).
-//! Where it would come nearer than a part of its thickness, it is pushed out of what it meets there, so that it goes on along the
-//! surface; as others share its corners, they are looked at again, until none is pushed any more. Where that does not end, corners
-//! stop, and go along with the collider. What is pushed or stopped has had an impact: it keeps its velocity along the surface, and
-//! rebounds by the coefficient of restitution.
+//! Contacts push a feature out where it is nearest to the surface; a fast one may be beyond a thin solid by then, or be pushed by
+//! others. So each feature that moves by more than a twentieth of its radius (without a radius, by a quarter of the thickness of the
+//! solid) is swept along its displacement (`shapes/arrival.rs`).
+//! Where it would come nearer than a fraction of its thickness, it is pushed out of the collider there, so that it slides on along the
+//! surface. Features that share its corners are then checked again, until none is pushed. Where that does not converge, corners stop,
+//! and move with the collider. What is pushed or stopped has had an impact: it keeps its velocity along the surface, and rebounds by
+//! the coefficient of restitution.
 
 use bevy::math::{DVec3, Vec3A};
 
@@ -18,18 +18,22 @@ use super::shapes::{Arrival, Ways};
 use super::touch_search::rounding;
 use crate::solver::particles::{Particles, Vectors};
 
-/// The part of its radius that is always left between a feature and a collider.
+/// Distance that is always left between a feature and a collider, as a fraction of the radius of the feature.
 const LEAST_PART: f64 = 0.1;
 
 /// See [`longest_slow_way`].
 const FOLLOWED_PART: f32 = 0.5;
 
-/// Number of rounds in which features are pushed out where they meet something; then, of those in which all their corners are lifted
-/// above it, and of those in which they stop where they would pass, before they go along with the collider all the way; and of all,
-/// at most.
+/// Number of first rounds, in which features are pushed out at the contact point.
 const PUSHING_ROUNDS: u32 = 4;
+
+/// Number of next rounds, in which all corners of features are lifted above the tangent plane.
 const LIFTING_ROUNDS: u32 = 8;
+
+/// Number of next rounds, in which corners stop where they meet the collider. In later ones they move with it from the start.
 const STOPPING_ROUNDS: u32 = 6;
+
+/// Number of all rounds, at most.
 const MAX_ROUNDS: u32 = 32;
 
 /// Number of iterations over the velocities of what was stopped, at most.
@@ -47,7 +51,7 @@ pub(super) struct Around<'a> {
 /// Working memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Guard {
-    /// The way up to which no feature is followed in this tick, m.
+    /// Displacement up to which no feature is followed in this tick, m.
     slow_way: Option<f32>,
     /// How far each particle moves in the substep, m.
     ways: Vec<f32>,
@@ -195,8 +199,8 @@ impl Guard {
                     met.push(around.meet((feature, place), &Arrival { weights, ..arrival }, particles));
                 }
             } else {
-                let is_patient = round < PUSHING_ROUNDS + LIFTING_ROUNDS + STOPPING_ROUNDS;
-                answer.stop(if is_patient { arrival.time } else { 0.0 });
+                let may_move_partly = round < PUSHING_ROUNDS + LIFTING_ROUNDS + STOPPING_ROUNDS;
+                answer.stop(if may_move_partly { arrival.time } else { 0.0 });
             }
             for slot in slots.into_iter().filter(|slot| !particles.is_pinned(*slot)) {
                 is_new[0][slot] = true;
@@ -206,7 +210,7 @@ impl Guard {
         any
     }
 
-    /// Has what was stopped approach no longer.
+    /// Removes the approaching velocity of what was stopped.
     fn solve_velocities(&self, particles: &mut Particles) {
         for _ in 0..VELOCITY_ITERATIONS {
             let mut any = false;
@@ -327,7 +331,7 @@ impl Around<'_> {
     }
 }
 
-/// The way up to which a feature is not followed, m: it leads to half of what is always left, or, without a radius, to half the
+/// Displacement up to which a feature is not followed, m: it leads to half of what is always left, or, without a radius, to half the
 /// thickness of the collider, from where contacts push it out on the right side.
 fn longest_slow_way(radius: f32, half_thickness: f32) -> f32 {
     FOLLOWED_PART * if radius > 0.0 { LEAST_PART as f32 * radius } else { half_thickness }

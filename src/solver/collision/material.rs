@@ -1,4 +1,4 @@
-//! How surfaces rebound and rub, and which of them meet.
+//! Restitution, friction and layers of surfaces.
 
 use bevy::reflect::Reflect;
 use bevy::reflect::prelude::ReflectDefault;

@@ -1,4 +1,4 @@
-//! What the next ticks depend on, beside particles, springs and colliders. All else is a cache of it.
+//! The part of the state that belongs to contacts: what the next ticks depend on, beside particles, springs and colliders.
 
 use super::broad_phase::BroadPhase;
 use super::pairs::Impulses;
@@ -39,8 +39,8 @@ pub(super) struct RememberedContact {
 }
 
 impl ContactMemory {
-    /// Forgets everything, as if the simulation had just started.
-    pub fn forget(&mut self) {
+    /// Resets it, as if the simulation had just started.
+    pub fn clear(&mut self) {
         if !self.is_empty() {
             *self = Self { version: Version::new(), ..Self::default() };
         }
@@ -99,8 +99,8 @@ impl ContactMemory {
     }
 
     /// To be called when the particle in a slot is another one or was put elsewhere: its contacts are
-    /// forgotten, and the particles on springs that it overlaps now do not collide with it until they part.
-    pub fn forget_particle(&mut self, slot: usize) {
+    /// removed, and the particles on springs that it overlaps now do not collide with it until they part.
+    pub fn clear_particle(&mut self, slot: usize) {
         if let Some(searched) = self.searched.get_mut(slot).filter(|searched| **searched) {
             *searched = false;
             self.request_search();
@@ -182,7 +182,7 @@ mod tests {
         let mut memory = memory();
         for (slot, changes) in [(2, false), (9, false), (1, true), (1, false)] {
             let version = memory.version;
-            memory.forget_particle(slot);
+            memory.clear_particle(slot);
             assert_eq!(memory.version != version, changes, "slot {slot}");
         }
         assert_eq!(memory.searched, [true, false, false, true]);
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn nothing_survives_forgetting() {
         let mut memory = ContactMemory { wide: true, age: 7, crowded: true, ..memory() };
-        memory.forget();
+        memory.clear();
         assert!(memory.broad_phase.is_none() && memory.contacts.is_empty() && memory.entangled.is_empty());
         assert!(memory.searched.is_empty() && !memory.wide && memory.age == 0 && !memory.crowded);
     }

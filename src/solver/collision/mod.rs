@@ -1,15 +1,16 @@
 //! Collisions: of particles with colliders and with each other, after each substep.
 //!
-//! Every contact is answered in three steps: the particles are *projected* out of each other (the correction shared by mass),
+//! Every contact is resolved in three steps: the particles are *projected* out of each other (the correction shared by mass),
 //! the approaching part of their velocity is removed, and given back with the coefficient of restitution; friction acts on
 //! what is tangential. A pinned particle has infinite mass.
 //!
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
 //! `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `candidates.rs` and `list.rs`
 //! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
-//! `touch.rs` the three kinds of contact, `solve.rs` in which order they are solved. Of colliders: `collider.rs` where they are,
-//! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` which particles touch them, `feature_search.rs` which edges and
-//! triangles, `guard.rs` what would pass through, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
+//! `touch.rs` the three kinds of contact, `solve.rs` the order in which they are solved. Colliders: `collider.rs` their poses, `shapes/`
+//! their geometry, `material.rs` restitution, friction and layers, `touch_search.rs` which particles touch them, `feature_search.rs`
+//! which edges and triangles do, `guard.rs` what would pass through, `presence.rs` whether they have changed. `rest.rs`: what stays
+//! at rest.
 
 mod bodies;
 mod broad_phase;

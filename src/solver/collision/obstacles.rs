@@ -18,7 +18,7 @@ pub(in crate::solver) struct Surroundings<'a> {
     pub skins: &'a [Skin],
     pub settings: &'a StepSettings,
     pub memory: &'a ContactMemory,
-    /// What of nets collides between particles, and its version.
+    /// The edges and triangles of nets that collide, and their version.
     pub features: &'a [Feature],
     pub features_version: Version,
     /// The fraction of the tick that has passed at the end of the step.
@@ -86,7 +86,7 @@ impl Obstacle {
         Some(Self { form, ..self.clone() })
     }
 
-    /// The point of an edge (`count` 2) or triangle that is deepest in it at the end of straight ways of the corners, and it
+    /// The point of an edge (`count` 2) or triangle that is deepest in it at the end of straight paths of the corners, and it
     /// as that point meets it; `None` if none touches but corners.
     pub fn deepest(
         &self,
@@ -183,13 +183,13 @@ impl Obstacle {
     }
 }
 
-/// The way in a step above which a particle is swept, as a part of its radius.
+/// Displacement in a step above which a particle is swept, as a part of its radius.
 const SWEPT_WAY: f64 = 0.5;
 
 /// Edges and faces are looked for that would come as near as what moves at this speed does in the step, m/s.
 const RECOVERY: f64 = 0.1;
 
-/// The longest way of a corner, m.
+/// The longest displacement of a corner, m.
 fn longest(from: [DVec3; 3], to: [DVec3; 3]) -> f64 {
     from.iter().zip(to).map(|(from, to)| from.distance(to)).fold(0.0, f64::max)
 }
@@ -204,7 +204,7 @@ pub(in crate::solver) struct Obstacles {
     spheres: Vec<(f64, Obstacle)>,
     /// The largest diameter of the spheres, m.
     largest: f64,
-    /// The longest way of one of them in the step, m.
+    /// The longest displacement of one of them in the step, m.
     longest_way: f64,
 }
 

@@ -148,7 +148,7 @@ pub(super) fn warm_start(contacts: &mut PairContacts, groups: &mut Groups, bodie
     });
 }
 
-/// One iteration over all contacts. Velocities along resting contacts are left alone up to `tolerance`, m/s.
+/// One iteration over all contacts. Velocities along resting contacts are ignored up to `tolerance`, m/s.
 /// Returns whether any had to be corrected.
 pub(super) fn solve_velocities(
     contacts: &mut PairContacts,

@@ -205,8 +205,7 @@ impl ContactCaches {
         self.touches.all.iter().for_each(|touch| record(touch.stop_approaching(particles)));
     }
 
-    /// Puts those of the particles of which `each` tells that contacts of surfaces have pressed into a half-space back onto it;
-    /// whether there were any.
+    /// Moves the particles visited by `each`, pressed into a half-space by surface contacts, back onto it; whether there were any.
     pub fn put_onto_half_spaces(
         &self,
         each: impl Fn(&mut dyn FnMut(usize)),
@@ -231,13 +230,12 @@ impl ContactCaches {
     }
 }
 
-/// Puts a particle that others have pressed into a half-space back onto it, and has it approach no longer, with friction; whether it
-/// was in there by more than rounding.
+/// Moves a particle that others have pressed into a half-space back onto it, and removes its approaching velocity, with friction; whether
+/// it was below the surface.
 fn put_onto(surface: &Surface, particles: &mut Particles, skin: Skin, slot: usize) -> bool {
     let position = Vec3A::from(particles.position.get(slot));
     let radius = particles.radius()[slot];
     let depth = surface.depth(position, radius);
-    // Neither of NaN.
     if depth.is_nan() || depth <= 0.0 {
         return false;
     }

@@ -1,4 +1,4 @@
-//! Whether a collider is where and as it was, and what is near it: what sleep asks of colliders.
+//! Whether a collider has moved or changed since the last tick, and what is near it: that wakes what sleeps.
 
 use std::f64::consts::PI;
 

@@ -8,6 +8,7 @@ use crate::solver::particles::Particles;
 
 /// A contact in one substep.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ContactRecord {
     /// Slot of the particle that is pushed along the normal.
     pub slot: usize,
@@ -23,6 +24,7 @@ pub struct ContactRecord {
 
 /// What a particle touches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum ContactPartner {
     /// The collider of this number.
     Collider(usize),

@@ -1,4 +1,4 @@
-//! What an impact does to the relative motion of two bodies along the normal, and friction.
+//! The response of two bodies to an impact: restitution along the normal, and friction.
 //!
 //! The normal n points from the second body to the first; speeds along it are negative while the
 //! bodies approach. A plane is a second body of infinite mass.
@@ -26,7 +26,7 @@ pub(super) struct Rebound {
     /// Below this speed nothing rebounds, m/s: what gravity gives in a substep.
     pub resting_speed: f32,
     /// Pairs that rest stay in contact over a gap up to this one, m: else the rounding of a pile would
-    /// take away its support every other substep. The way of free fall in a substep; 0 without gravity.
+    /// take away its support every other substep. The distance of free fall in a substep; 0 without gravity.
     pub slop: f32,
     /// [`Integrator::velocity_lag`](crate::solver::Integrator::velocity_lag).
     pub velocity_lag: f32,

@@ -35,7 +35,7 @@ impl ContactCaches {
         }
     }
 
-    /// Forgets all contacts.
+    /// Removes all contacts.
     fn clear(&mut self, memory: &mut ContactMemory, particle_count: usize) {
         self.candidates.disable(memory, particle_count);
         self.plane_contacts.clear();
@@ -44,7 +44,7 @@ impl ContactCaches {
         self.have_moved = false;
     }
 
-    /// What of nets collides between particles, and its version.
+    /// The edges and triangles of nets that collide, and their version.
     pub fn features(&self) -> (&[Feature], Version) {
         (self.features.all(), self.features.version())
     }

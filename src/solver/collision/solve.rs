@@ -3,8 +3,10 @@
 use super::{ContactCaches, pairs, plane, touch};
 use crate::solver::settings::PairRules;
 
-/// Number of iterations over all contacts in each substep: over their velocities, at most, and over their positions.
+/// Number of iterations over the velocities of all contacts in each substep, at most.
 const VELOCITY_ITERATIONS: usize = 3;
+
+/// Number of iterations over their positions.
 const POSITION_ITERATIONS: usize = 2;
 
 /// What contacts of edges and faces may leave uncorrected, as a part of what gravity gives in a substep: they begin with what was

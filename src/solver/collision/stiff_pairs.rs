@@ -1,4 +1,4 @@
-//! Which particles of the islands of an implicit step have run into each other in it.
+//! Which particles of the islands of an implicit step have collided with each other in it.
 
 use bevy::math::{DVec3, Vec3};
 

@@ -2,23 +2,22 @@
 //!
 //! In a substep particles move along straight lines. A pair that moves, relative to each other, by more than half
 //! the sum of its radii may have its centres on the wrong sides at the end, or lie apart again. Such a pair is
-//! put back along its paths to the moment at which it first touches; its impact is then solved as any other
-//! contact, with the normal of that moment. What is left of the substep is lost for the two: they keep their
-//! velocities, but do not travel for a part of one substep. A pinned particle goes where it is sent, and takes along
-//! what it meets. Slower pairs are never far inside each other, and cost nothing here.
+//! moved back along its paths to the time of first contact; its impact is then solved as any other contact, with the normal at that
+//! time. The rest of the substep is lost for the two: they keep their velocities, but do not move on in it. A pinned particle keeps its
+//! prescribed motion, and takes along what it meets. Slower pairs never overlap by much, and cost nothing here.
 //!
-//! Two particles of nets are not swept against each other: a way back along which springs did work would be energy from
-//! nowhere.
+//! Two particles of nets are not swept against each other: springs did work along the displacement that would be taken back, which would
+//! create energy.
 //!
-//! Impacts are accepted in the order of their times. What stops may be in the way of others, so the paths up to there
-//! are searched again, until no pair passes through another.
+//! Impacts are accepted in the order of their times. A particle that stops may be hit by others, so the paths up to there are searched
+//! again, until no pair passes through another.
 
 use bevy::math::{DVec3, Vec3};
 
 use super::grid::Grid;
 use crate::solver::particles::{Particles, Vectors};
 
-/// The relative way of a pair in a substep above which it is swept, as a part of the sum of its radii; and of one
+/// Relative displacement of a pair in a substep above which it is swept, as a part of the sum of its radii; and of one
 /// particle above which its pairs are looked for, as a part of its radius. Of a pair above the first at least one
 /// particle is above the second.
 const SWEPT_WAY: f32 = 0.5;
@@ -237,7 +236,7 @@ fn first_touch(separation: DVec3, change: DVec3, until: f64, reach: f64, depth: 
     let way_squared = change.length_squared();
     let swept_way = f64::from(SWEPT_WAY) * reach;
     let approach = -separation.dot(change);
-    // Neither of NaN.
+    // Written so that NaN takes this branch.
     if !(way_squared > swept_way * swept_way && approach > 0.0) {
         return None;
     }

@@ -1,15 +1,14 @@
-//! Contacts with colliders that are no half-spaces, after a substep: each is answered as one with the plane that touches
-//! the surface there (`plane.rs`).
+//! Contacts with colliders other than half-spaces, after a substep: each is resolved as a contact with the tangent plane of the surface
+//! there (`plane.rs`).
 //!
-//! What touches is a point of the net, Σ wᵢ xᵢ of up to three particles: a particle, a point of an edge, or one of a
-//! face. An impulse λ n changes their velocities by λ wᵢ n / mᵢ, so that the point answers to it as a mass
+//! The contact point is a point of the net, Σ wᵢ xᵢ of up to three particles: a particle, a point of an edge, or one of a
+//! face. An impulse λ n changes their velocities by λ wᵢ n / mᵢ, so that its effective mass is
 //! 1 / Σ wᵢ²/mᵢ.
 //!
-//! Points of an edge and of the faces beside it share particles: what one pushes lifts the others. So each iteration adds to what
-//! those before have pushed, and takes back from it what is more than enough (Catto, *Iterative dynamics with temporal coherence*,
-//! GDC 2005: the projected Gauss–Seidel method): no point leaves the surface for having been pushed twice. Within a tick it begins
-//! with what was enough in the substep before, as far as each point needs it: as points that share particles lift each other, none
-//! needs more than it would alone.
+//! Contact points of an edge and of the faces beside it share particles, so that an impulse on one moves the others. So impulses are
+//! accumulated, and an iteration may reduce them again, down to 0 (projected Gauss–Seidel: Catto, *Iterative dynamics with temporal
+//! coherence*, GDC 2005): no point leaves the surface because it was pushed twice. Within a tick the iteration starts from the impulses of
+//! the substep before, each bounded by the impulse that the point would need alone.
 
 use bevy::math::Vec3A;
 
@@ -108,7 +107,6 @@ impl Touch {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
         let given = self.given.velocity;
         let change = (self.target_velocity - relative.dot(self.normal)).max(-given);
-        // Neither of NaN.
         if change.is_nan() || given + change <= 0.0 && given <= 0.0 {
             return 0.0;
         }
@@ -185,7 +183,6 @@ impl Touch {
         }
         let given = self.given.depth;
         let depth = self.depth_among(bodies).max(-given);
-        // Neither of NaN.
         if depth.is_nan() || given + depth <= 0.0 && given <= 0.0 {
             return;
         }

@@ -1,10 +1,9 @@
-//! Which particles touch which colliders at the end of a substep, and where those are put that would have passed through
-//! one in it.
+//! Which particles touch which colliders at the end of a substep, and where those are put that would have passed through one in it.
 //!
-//! Particles are looked at in chunks of consecutive slots: where the box of a chunk and of its way overlaps no collider,
-//! nothing more is done. What moves by more than half its radius in the substep, relative to a collider, is swept: it
-//! meets the plane that touches the surface where the two first meet on the straight way, however thin the solid is, and
-//! however far beyond it the way leads. It keeps its motion along that plane, as what slides on a half-space does.
+//! Particles are tested in chunks of consecutive slots: where the swept box of a chunk overlaps no collider, nothing more is done. A
+//! particle that moves by more than half its radius in the substep, relative to a collider, is swept: it collides with the tangent plane
+//! at the first contact along its straight path, however thin the solid is and however far beyond it the path ends. It keeps its motion
+//! along that plane, as a particle that slides on a half-space does.
 
 use bevy::math::{DVec3, Vec3A};
 
@@ -26,7 +25,7 @@ const CHUNKS_PER_PART: usize = 32;
 /// Number of particles from which on the parts are shared among threads.
 const MIN_SHARED: usize = 4096;
 
-/// The way in a substep above which a particle is swept, as a part of its radius; it is put where its centre is as near
+/// Displacement in a substep above which a particle is swept, as a part of its radius; it is put where its centre is as near
 /// to the surface as that.
 const SWEPT_WAY: f64 = 0.5;
 
@@ -269,7 +268,7 @@ impl Search<'_> {
         Bounds { low: now.min(before) - radius, high: now.max(before) + radius }.widened()
     }
 
-    /// What bounds consecutive particles and their ways in the substep.
+    /// What bounds consecutive particles and their displacements in the substep.
     fn bounds_of(&self, slots: std::ops::Range<usize>) -> Bounds {
         let radius = &self.particles.radius()[slots.clone()];
         let mut bounds = Bounds::EMPTY;

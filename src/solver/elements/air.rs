@@ -1,4 +1,4 @@
-//! What the air blows at: faces and filaments. Each of its particles feels the wind at its own velocity.
+//! The forces of the air on faces and filaments. Each of their particles has the wind relative to its own velocity.
 //!
 //! With the velocity v of the air relative to the particle, of which a part s = |n·v| meets the face of area A and unit
 //! normal n, a third of the face is pushed by
@@ -21,6 +21,7 @@
 
 use bevy::math::Vec3;
 
+use super::mesh::NO_SLOT;
 use crate::solver::particles::Vectors;
 use crate::solver::state::Version;
 
@@ -99,14 +100,14 @@ impl Exposed {
 
     /// Empties the place of a face.
     pub fn remove_face(&mut self, number: usize) {
-        let (ends, _) = std::mem::replace(&mut self.faces[number], ([NONE; 3], Face::default()));
+        let (ends, _) = std::mem::replace(&mut self.faces[number], ([NO_SLOT; 3], Face::default()));
         count(&mut self.ends, &ends, false);
         self.version = Version::new();
     }
 
     /// Empties the place of a filament.
     pub fn remove_filament(&mut self, number: usize) {
-        let (ends, _) = std::mem::replace(&mut self.filaments[number], ([NONE; 2], Filament::default()));
+        let (ends, _) = std::mem::replace(&mut self.filaments[number], ([NO_SLOT; 2], Filament::default()));
         count(&mut self.ends, &ends, false);
         self.version = Version::new();
     }
@@ -140,7 +141,7 @@ impl Exposed {
     pub fn renumber(&mut self, new_slots: &[u32]) {
         let faces = self.faces.iter_mut().flat_map(|(ends, _)| ends);
         for end in faces.chain(self.filaments.iter_mut().flat_map(|(ends, _)| ends)) {
-            *end = new_slots.get(*end as usize).copied().unwrap_or(NONE);
+            *end = new_slots.get(*end as usize).copied().unwrap_or(NO_SLOT);
         }
         let old = std::mem::take(&mut self.ends);
         self.ends.resize(new_slots.len(), 0);
@@ -151,12 +152,9 @@ impl Exposed {
     }
 }
 
-/// The end of what was removed.
-const NONE: u32 = u32::MAX;
-
 /// Adds 1 to the counts at the ends of what was added, or takes 1 away.
 fn count(counts: &mut Vec<u32>, ends: &[u32], added: bool) {
-    for end in ends.iter().map(|end| *end as usize).filter(|end| *end != NONE as usize) {
+    for end in ends.iter().map(|end| *end as usize).filter(|end| *end != NO_SLOT as usize) {
         if counts.len() <= end {
             counts.resize(end + 1, 0);
         }
@@ -184,7 +182,7 @@ pub(in crate::solver) struct FilamentPush {
 
 impl FacePush {
     pub fn of((ends, face): &([u32; 3], Face), position: &Vectors, density: f32) -> Self {
-        if ends[0] == NONE {
+        if ends[0] == NO_SLOT {
             return Self::default();
         }
         let [a, b, c] = ends.map(|end| position.get(end as usize));
@@ -209,7 +207,7 @@ impl FacePush {
 
 impl FilamentPush {
     pub fn of((ends, filament): &([u32; 2], Filament), position: &Vectors, density: f32) -> Self {
-        if ends[0] == NONE {
+        if ends[0] == NO_SLOT {
             return Self::default();
         }
         let [a, b] = ends.map(|end| position.get(end as usize));
@@ -314,10 +312,10 @@ mod tests {
         exposed.add_faces([[0, 1, 2], [1, 2, 3]], Face { drag: 1.0, lift: 0.0 });
         exposed.add_filaments([[3, 4]], Filament { diameter: 0.1, drag: 1.0 });
         exposed.remove_particle(0);
-        assert_eq!((exposed.faces[0].0, exposed.faces[1].0), ([NONE; 3], [1, 2, 3]));
+        assert_eq!((exposed.faces[0].0, exposed.faces[1].0), ([NO_SLOT; 3], [1, 2, 3]));
         exposed.renumber(&[4, 3, 2, 1, 0]);
         assert_eq!((exposed.faces[1].0, exposed.filaments[0].0), ([3, 2, 1], [1, 0]));
         exposed.remove_particle(1);
-        assert_eq!((exposed.faces[1].0, exposed.filaments[0].0), ([NONE; 3], [NONE; 2]));
+        assert_eq!((exposed.faces[1].0, exposed.filaments[0].0), ([NO_SLOT; 3], [NO_SLOT; 2]));
     }
 }

@@ -22,7 +22,7 @@ pub struct Bend<const N: usize> {
     pub weights: [f32; N],
 }
 
-/// Arrays of any length, which serde itself knows up to a fixed one only.
+/// Arrays of any length; serde supports those up to a fixed length only.
 #[cfg(feature = "serialize")]
 mod weights {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};

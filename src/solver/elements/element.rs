@@ -49,8 +49,7 @@ pub(in crate::solver) trait Element<const N: usize>:
         false
     }
 
-    /// The element on the way from this one to `other`, of which `share` is done. One that knows no way is there
-    /// at once.
+    /// The element between this one (`share` 0) and `other` (1). One without intermediate values changes at once.
     fn between(&self, other: &Self, _share: f32) -> Self {
         *other
     }

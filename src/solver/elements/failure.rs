@@ -1,4 +1,4 @@
-//! What springs bear: the tension at which they break, and the strain at which they yield.
+//! Strength of springs: the tension at which they break, and the strain at which they yield.
 
 use super::{Element, Elements, Spring};
 use crate::solver::particles::Particles;

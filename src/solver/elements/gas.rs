@@ -250,6 +250,7 @@ pub fn enclosed_volume(triangles: &[[u32; 3]], position: impl Fn(u32) -> Vec3) -
 
 /// What a gas is at the end of a tick.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct GasReading {
     /// Its volume, m³.
     pub volume: f64,

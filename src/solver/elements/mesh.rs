@@ -8,8 +8,11 @@ use std::ops::Range;
 use super::Elements;
 use crate::solver::state::Version;
 
-/// The end of what was removed, and the spring of an edge that is along none.
-pub(in crate::solver) const NONE: u32 = u32::MAX;
+/// The end of an element, an edge or a triangle that was removed.
+pub(in crate::solver) const NO_SLOT: u32 = u32::MAX;
+
+/// The spring of an edge that lies along none.
+pub(in crate::solver) const NO_SPRING: u32 = u32::MAX;
 
 /// A line between two particles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,7 +21,7 @@ pub(in crate::solver) struct CollisionEdge {
     pub ends: [u32; 2],
     /// m.
     pub rest_length: f32,
-    /// The spring along which it is, and without which it is not; [`NONE`] of an edge of triangles.
+    /// The spring along which it lies, and with which it is removed; [`NO_SPRING`] for an edge of triangles.
     pub spring: u32,
 }
 
@@ -99,19 +102,19 @@ impl CollisionMesh {
 
     /// Empties the place of an edge.
     pub fn remove_edge(&mut self, number: usize) {
-        self.edges[number].ends = [NONE; 2];
+        self.edges[number].ends = [NO_SLOT; 2];
         self.version = Version::new();
     }
 
     /// Empties the place of a triangle.
     pub fn remove_triangle(&mut self, number: usize) {
-        self.triangles[number] = [NONE; 3];
+        self.triangles[number] = [NO_SLOT; 3];
         self.version = Version::new();
     }
 
     /// Empties the place of a seam.
     pub fn remove_seam(&mut self, number: usize) {
-        self.seams[number] = [NONE; 2];
+        self.seams[number] = [NO_SLOT; 2];
         self.version = Version::new();
     }
 
@@ -126,7 +129,7 @@ impl CollisionMesh {
     }
 
     /// The particle in a slot is inside a net no longer.
-    pub fn forget_inner(&mut self, slot: usize) {
+    pub fn clear_inner(&mut self, slot: usize) {
         if let Some(inner) = self.inner.get_mut(slot) {
             *inner = false;
         }
@@ -160,7 +163,7 @@ impl CollisionMesh {
         let ends = self.edges.iter_mut().flat_map(|edge| &mut edge.ends);
         let ends = ends.chain(self.seams.as_flattened_mut());
         for end in ends.chain(self.triangles.as_flattened_mut()) {
-            *end = new_slots.get(*end as usize).copied().unwrap_or(NONE);
+            *end = new_slots.get(*end as usize).copied().unwrap_or(NO_SLOT);
         }
         let old = std::mem::take(&mut self.inner);
         let inner = old.iter().zip(new_slots).filter(|(is_inner, _)| **is_inner).map(|(_, new)| *new);
@@ -175,9 +178,10 @@ impl CollisionMesh {
         with_springs: bool,
     ) -> impl Iterator<Item = ([u32; 2], f32)> + 'a {
         let acts = |spring: u32| {
-            spring == NONE || elements.springs().element(spring as usize).is_some_and(super::Element::acts)
+            spring == NO_SPRING
+                || elements.springs().element(spring as usize).is_some_and(super::Element::acts)
         };
-        let own = self.edges.iter().filter(move |edge| edge.ends[0] != NONE && acts(edge.spring));
+        let own = self.edges.iter().filter(move |edge| edge.ends[0] != NO_SLOT && acts(edge.spring));
         let loose = self.loose_springs(elements).filter(move |_| with_springs);
         own.map(|edge| (edge.ends, edge.rest_length)).chain(loose)
     }
@@ -196,12 +200,12 @@ impl CollisionMesh {
 
     /// The triangles that are there.
     pub fn present_triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
-        self.triangles.iter().filter(|corners| corners[0] != NONE).copied()
+        self.triangles.iter().filter(|corners| corners[0] != NO_SLOT).copied()
     }
 
     /// The seams that are there.
     pub fn present_seams(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
-        self.seams.iter().filter(|ends| ends[0] != NONE).copied()
+        self.seams.iter().filter(|ends| ends[0] != NO_SLOT).copied()
     }
 
     /// Whether the particle in a slot is inside a net.
@@ -235,7 +239,7 @@ mod tests {
         let (mut mesh, mut elements) = (CollisionMesh::default(), Elements::default());
         let springs = [[0, 1], [1, 2], [3, 4]].map(|ends| elements.push(ends, SPRING));
         mesh.add_owned(&(springs[0]..springs[1] + 1));
-        mesh.add_edges([edge([0, 1], 0), edge([1, 2], 1), edge([0, 2], NONE)]);
+        mesh.add_edges([edge([0, 1], 0), edge([1, 2], 1), edge([0, 2], NO_SPRING)]);
         let present = |mesh: &CollisionMesh, elements: &Elements, all| -> Vec<[u32; 2]> {
             mesh.present_edges(elements, all).map(|(ends, _)| ends).collect()
         };
@@ -249,7 +253,7 @@ mod tests {
     fn what_ends_in_a_particle_leaves_with_it() {
         let mut mesh = CollisionMesh::default();
         mesh.add_triangles([[0, 1, 2], [1, 2, 3]]);
-        mesh.add_edges(edges_of(&mesh.triangles).into_iter().map(|ends| edge(ends, NONE)));
+        mesh.add_edges(edges_of(&mesh.triangles).into_iter().map(|ends| edge(ends, NO_SPRING)));
         assert_eq!(mesh.edges.len(), 5);
         mesh.add_inner([4].into_iter());
         mesh.remove_particle(0);

@@ -1,4 +1,4 @@
-//! What pulls: one file a kind, the only file that knows its formula, behind the contract [`Element`].
+//! Elements exert forces between particles: one file a kind, the only file with its formula, behind the trait [`Element`].
 //!
 //! An element acts through one vector, its *separation* s = Σ cᵢ xᵢ over its N ends. The weights cᵢ add up to
 //! zero, so that it adds no momentum; its force is along s and depends on ‖s‖ and on the rate of s alone, so
@@ -35,7 +35,7 @@ pub use failure::Plasticity;
 pub(super) use failure::Release;
 pub(super) use gas::{Enclosure, Gases};
 pub use gas::{Gas, GasReading, enclosed_volume};
-pub(super) use mesh::{CollisionEdge, CollisionMesh, NONE, edges_of};
+pub(super) use mesh::{CollisionEdge, CollisionMesh, NO_SPRING, edges_of};
 pub use spring::Spring;
 pub(super) use table::{Ramp, Table};
 use versions::Versions;
@@ -288,12 +288,12 @@ macro_rules! define_elements {
             }
 
             /// Gives the elements on ramps the parameters that they have when `share` of the tick is done. No
-            /// cache takes note: each knows what it must.
+            /// version changes: caches handle ramps by themselves.
             pub(super) fn ramp_to(&mut self, share: f32) {
                 $($(#[$meta])* self.$kind.ramp_to(share);)*
             }
 
-            /// Forgets the ramps, after a tick.
+            /// Removes the ramps, after a tick.
             pub(super) fn end_ramps(&mut self) {
                 let mut any = false;
                 $($(#[$meta])* { any |= self.$kind.end_ramps(); })*

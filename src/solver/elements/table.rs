@@ -141,7 +141,7 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
         }
     }
 
-    /// Forgets all ramps, after a tick; returns whether the coefficients of any were others than they are now.
+    /// Removes all ramps, after a tick; returns whether the coefficients of any were others than they are now.
     pub(super) fn end_ramps(&mut self) -> bool {
         self.ticked = self.len();
         let any = self.ramps.iter().any(|ramp| ramp.from.rates() != ramp.to.rates());
@@ -225,7 +225,7 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
     }
 }
 
-/// Arrays of any length, which serde itself knows up to a fixed one only.
+/// Arrays of any length; serde supports those up to a fixed length only.
 #[cfg(feature = "serialize")]
 mod tuples {
     use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};

@@ -1,9 +1,9 @@
-//! Springs whose two ends are in the very same place have no direction: they are given one.
+//! Springs whose two ends are at the same position have no direction: their ends are moved apart.
 //!
-//! It is given by parting the ends by a thousandth of the rest length, once, before a tick; from there on every
-//! scheme knows where to push. What is held is left where it is, and what hangs on it is parted from it along
-//! gravity, link by link: so a rope that was spawned in one point unfolds downwards. The springs of an island are told
-//! apart by their order in it, so that each goes another way, and an island moves as it would alone.
+//! That is done once, before a tick, by a thousandth of the rest length; from then on the force of the spring has a direction. Pinned
+//! particles stay, and what hangs from them is moved along gravity, link by link: so a rope that was spawned in one point unfolds
+//! downwards. The direction of each spring follows from its number within its island, so that directions differ, and an island moves as
+//! it would alone.
 
 use bevy::math::{DVec3, Vec3, ops};
 

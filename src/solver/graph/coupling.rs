@@ -1,4 +1,4 @@
-//! How fast the elements let each of them move: the sums over neighbours of the stability bounds.
+//! The coupling of each element with its neighbours: the row sums of the stability bounds (Gershgorin).
 
 use crate::solver::elements::{Acting, Elements, Rates};
 use crate::solver::particles::Particles;

@@ -15,7 +15,7 @@
 //! eliminated directly, too (`reduction.rs`). Particles that contacts join are in the core.
 
 use super::hierarchy::Hierarchy;
-use super::reduction::{NONE, Reduction};
+use super::reduction::{NO_PARENT, Reduction};
 use super::{Islands, Linked};
 use crate::solver::buckets::Buckets;
 use crate::solver::elements::{Acting, Elements};
@@ -85,7 +85,9 @@ pub(in crate::solver) enum Fill {
     Core(u32),
 }
 
-const NO_NODE: u32 = NONE;
+/// The node of a particle that is pinned, or not in the elimination.
+const NO_NODE: u32 = u32::MAX;
+
 /// The number of a gas, and the slots of its particles, or their nodes.
 type Gas = (u32, Vec<u32>);
 
@@ -161,7 +163,8 @@ impl Elimination {
             nodes[*slot as usize] = node;
         }
         let no_node = elimination.slots.len() as u32;
-        let node_of = |place: u32| if place == NONE { no_node } else { nodes[free[place as usize] as usize] };
+        let node_of =
+            |place: u32| if place == NO_PARENT { no_node } else { nodes[free[place as usize] as usize] };
         let parents: Vec<[u32; 2]> = reduction
             .parents
             .iter()

@@ -1,4 +1,4 @@
-//! What the contacts must know of the springs: which pairs do not collide, and which particles are pulled at.
+//! What contacts need of the springs: which pairs do not collide, and which particles have springs.
 
 use crate::solver::buckets::Buckets;
 use crate::solver::elements::{Acting, Elements};

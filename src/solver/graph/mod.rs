@@ -1,6 +1,6 @@
-//! What hangs together: all that follows from the ends of the elements, derived once for each version of them.
+//! Connectivity: all that follows from the ends of the elements, derived once for each version of them.
 //!
-//! This folder is the only place that looks at ends. Its readers get what they need of them: [`Islands`] the
+//! No other module reads the ends. Each gets what it needs of them: [`Islands`] the
 //! planner, [`Blocks`] the vectorised kernel, [`Colouring`] position-based dynamics, [`Elimination`] the implicit
 //! scheme, [`Exclusions`] the contacts, couplings the stability bounds. All of these are caches: pure functions
 //! of the state. An element that is removed leaves them at once.

@@ -10,15 +10,15 @@ use super::Linked;
 use crate::solver::buckets::Buckets;
 use crate::solver::particles::Particles;
 
-/// No place.
-pub(super) const NONE: u32 = u32::MAX;
+/// The parent of a node that has fewer than two.
+pub(super) const NO_PARENT: u32 = u32::MAX;
 
 /// The order of elimination; particles are known by their *places* in a list.
 #[derive(Debug, Default)]
 pub(super) struct Reduction {
     /// The places that are eliminated, in this order.
     pub order: Vec<u32>,
-    /// The neighbours that each of these has left, one or two; [`NONE`] beyond them.
+    /// The neighbours that each of these has left, one or two; [`NO_PARENT`] beyond them.
     pub parents: Vec<[u32; 2]>,
     /// The places that are left, in their order.
     pub left: Vec<u32>,
@@ -56,7 +56,7 @@ impl Reduction {
         while let Some(&place) = reduction.order.get(reduction.parents.len()) {
             let parents = net.eliminate(place);
             reduction.parents.push(parents);
-            let ready = parents.into_iter().filter(|parent| *parent != NONE && net.queue(*parent));
+            let ready = parents.into_iter().filter(|parent| *parent != NO_PARENT && net.queue(*parent));
             reduction.order.extend(ready);
         }
         reduction.left.extend((0..free.len() as u32).filter(|place| !net.is_gone[*place as usize]));
@@ -109,13 +109,13 @@ impl Net {
         self.is_gone[place as usize] = true;
         let all = self.neighbours.of(place as usize).iter().chain(&self.joined[place as usize]);
         let mut left = all.copied().filter(|other| !self.is_gone[*other as usize]);
-        let parents = [left.next().unwrap_or(NONE), left.next().unwrap_or(NONE)];
+        let parents = [left.next().unwrap_or(NO_PARENT), left.next().unwrap_or(NO_PARENT)];
         debug_assert!(left.next().is_none(), "a place is eliminated when it has few neighbours left");
-        for parent in parents.into_iter().filter(|parent| *parent != NONE) {
+        for parent in parents.into_iter().filter(|parent| *parent != NO_PARENT) {
             self.degree[parent as usize] -= 1;
         }
         let [first, second] = parents;
-        if second != NONE && !self.are_joined(first, second) {
+        if second != NO_PARENT && !self.are_joined(first, second) {
             self.joined[first as usize].push(second);
             self.joined[second as usize].push(first);
             self.degree[first as usize] += 1;
@@ -151,7 +151,7 @@ mod tests {
     fn a_rope_with_rods_is_eliminated_from_both_ends() {
         let rope = reduce(6, &RODS, &[]);
         assert_eq!(rope.order, [0, 5, 1, 4, 2, 3]);
-        assert_eq!(rope.parents, [[1, 2], [3, 4], [2, 3], [2, 3], [3, NONE], [NONE, NONE]]);
+        assert_eq!(rope.parents, [[1, 2], [3, 4], [2, 3], [2, 3], [3, NO_PARENT], [NO_PARENT, NO_PARENT]]);
         assert!(rope.left.is_empty());
     }
 

@@ -1,4 +1,4 @@
-//! The forces on the particles of one block, and what they do: Newton's second law.
+//! The forces on the particles of one block, and their accelerations.
 
 use bevy::math::Vec3;
 

@@ -1,4 +1,4 @@
-//! What is remembered of sleep from tick to tick.
+//! The part of the state that belongs to sleep.
 
 use bevy::math::Vec3;
 
@@ -7,12 +7,11 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
 
-/// Which particles sleep, how long the others have rested, and what the sleepers slept with: a part of the state of a simulation.
+/// Which particles sleep, how long the others have rested, and the conditions at which they fell asleep: a part of the state.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(in crate::solver) struct SleepMemory {
-    /// Of each slot the name of the group that sleeps there, which is one more than the first of its slots; 0 of what is
-    /// awake.
+    /// By slot, the ID of the sleeping group: its first slot + 1; 0 while awake.
     pub(super) group: Vec<u32>,
     /// Where each particle was when it began to rest, m; of a sleeper where it is.
     pub(super) place: Vectors,
@@ -91,8 +90,8 @@ impl SleepMemory {
         }
     }
 
-    /// Forgets everything, as if the simulation had just started.
-    pub fn forget(&mut self, particles: &mut Particles) {
+    /// Resets it, as if the simulation had just started.
+    pub fn clear(&mut self, particles: &mut Particles) {
         if self.asleep > 0 {
             particles.wake((0..particles.len().min(self.group.len())).filter(|slot| self.group[*slot] != 0));
         }

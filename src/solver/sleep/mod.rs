@@ -94,7 +94,7 @@ impl SleepCaches {
     }
 }
 
-/// The gap below which two things count as touching, m: resting contacts open up to the way of free fall in a substep.
+/// The gap below which two things count as touching, m: resting contacts open up to the distance of free fall in a substep.
 fn touching_gap(settings: &StepSettings) -> f32 {
     let StepSettings { gravity, time_step, sleep, .. } = settings;
     let speed = sleep.map_or(0.0, |sleep| sleep.speed);

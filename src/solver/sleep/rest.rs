@@ -185,7 +185,7 @@ impl SleepCaches {
                 memory.force.set(slot, particles.applied_force.get(slot));
                 memory.rested[slot] = 0.0;
                 memory.asleep += 1;
-                pulls.forget(slot);
+                pulls.invalidate(slot);
             }
         }
         if memory.asleep > before {

@@ -1,4 +1,4 @@
-//! What is around the particles and moves by itself: pinned particles and colliders.
+//! Pinned particles and colliders: their motions and changes wake what they touch.
 
 use crate::solver::collision::{Collider, Layers, Presence, Skin, skin_of};
 use crate::solver::particles::PinnedMotion;

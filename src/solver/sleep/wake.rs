@@ -1,4 +1,4 @@
-//! The start of a tick: what has happened to sleepers wakes them.
+//! The start of a tick: sleeping particles are woken by what has happened to them.
 
 use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
@@ -205,7 +205,7 @@ impl SleepCaches {
                 memory.group[slot] = 0;
                 memory.rested[slot] = 0.0;
                 memory.asleep -= 1;
-                pulls.forget(slot);
+                pulls.invalidate(slot);
             }
         }
         contacts.wake(|slot| memory.group[slot] != 0);

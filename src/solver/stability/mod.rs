@@ -74,6 +74,7 @@ pub const MAX_SUBSTEPS: u32 = 65_536;
 /// (for graphs: Anderson and Morley, *Linear and Multilinear Algebra* 18, 141, 1985). It is never above
 /// the more familiar max 2 D_i, and below where masses differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FrequencyBounds {
     /// Bound on the angular frequency ω, ω² >= the largest eigenvalue of M⁻¹K; rad/s.
     pub angular_frequency: f64,

@@ -1,4 +1,4 @@
-//! What a step of each scheme does to one mode: the spectral radii with which the tests compare the bounds.
+//! The spectral radius of a step of each scheme for one mode, with which the tests compare the bounds.
 
 use crate::solver::settings::Integrator;
 

@@ -1,4 +1,4 @@
-//! The sums and extremes that bounds on frequencies are made of.
+//! The sums and extremes from which the bounds on frequencies are computed.
 
 use super::FrequencyBounds;
 use crate::solver::graph::Coupling;

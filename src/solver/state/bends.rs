@@ -32,7 +32,7 @@ impl State {
         ends.into_iter().for_each(|end| self.sleep.disturb(end));
         if !(acts(&old) && acts(&bend) && old.weights == bend.weights) {
             // Else its parameters, and with them the pulls, go on from where they are.
-            ends.into_iter().for_each(|end| self.pulls.forget(end));
+            ends.into_iter().for_each(|end| self.pulls.invalidate(end));
         }
         self.elements.set(index, bend);
         self.contacts.request_search();

@@ -5,7 +5,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::State;
-use crate::solver::elements::{Bend, CollisionEdge, Face, Filament, Gas, NONE, Spring, edges_of};
+use crate::solver::elements::{Bend, CollisionEdge, Face, Filament, Gas, NO_SPRING, Spring, edges_of};
 
 /// Where a net is: consecutive slots, unless particles were renumbered since, and consecutive places in each table.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -67,7 +67,7 @@ impl NetElements<'_> {
                 .map_or(0.0, |(a, b)| a.distance(*b))
         };
         let edges = edges_of(self.triangles).into_iter();
-        edges.map(|ends| CollisionEdge { ends, rest_length: rest_length(ends), spring: NONE }).collect()
+        edges.map(|ends| CollisionEdge { ends, rest_length: rest_length(ends), spring: NO_SPRING }).collect()
     }
 
     /// The corners of the surface that are in one place at rest: each with the one before.
@@ -122,7 +122,7 @@ impl State {
         let triangles = elements.triangles.iter().map(|ends| ends.map(|end| end + first));
         let edges = elements.collision_edges().into_iter().map(|edge| CollisionEdge {
             ends: edge.ends.map(|end| end + first),
-            spring: if edge.spring == NONE { NONE } else { edge.spring + springs.start as u32 },
+            spring: if edge.spring == NO_SPRING { NO_SPRING } else { edge.spring + springs.start as u32 },
             ..edge
         });
         let [edges, triangles] = [self.mesh.add_edges(edges), self.mesh.add_triangles(triangles)];
@@ -175,9 +175,9 @@ impl State {
         for slot in slots {
             self.sleep.vanish(slot, &self.particles);
             self.particles.vacate(slot);
-            self.mesh.forget_inner(slot);
-            self.pulls.forget(slot);
-            self.contacts.forget_particle(slot);
+            self.mesh.clear_inner(slot);
+            self.pulls.invalidate(slot);
+            self.contacts.clear_particle(slot);
         }
         self.contacts.request_search();
         self.remove_elements(ranges, |_| true);
@@ -209,7 +209,7 @@ impl State {
             any_changed = true;
             ends.iter().for_each(|end| sleep.disturb(*end as usize));
             if begins_or_ends {
-                ends.iter().for_each(|end| pulls.forget(*end as usize));
+                ends.iter().for_each(|end| pulls.invalidate(*end as usize));
             }
         };
         let merge_springs = |number: usize, old: &Spring, new: &Spring| {

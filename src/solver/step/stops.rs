@@ -71,7 +71,7 @@ impl Caches {
         if self.contacts.have_moved() {
             self.scratch.disturb();
             if !state.pulls.is_empty() {
-                self.contacts.for_each_touching(|slot| state.pulls.touch(slot));
+                self.contacts.for_each_touching(|slot| state.pulls.set_touching(slot));
             }
         }
         have_touched
@@ -102,9 +102,9 @@ impl Caches {
         if have_touched || have_stopped {
             self.scratch.disturb();
             if !state.pulls.is_empty() {
-                self.surfaces.for_each_touching(|slot| state.pulls.touch(slot));
+                self.surfaces.for_each_touching(|slot| state.pulls.set_touching(slot));
                 let stopped = self.contacts.stopped_at_colliders();
-                stopped.iter().for_each(|slot| state.pulls.touch(*slot as usize));
+                stopped.iter().for_each(|slot| state.pulls.set_touching(*slot as usize));
             }
         }
     }
@@ -152,7 +152,7 @@ impl Caches {
         let step = (&*elements, field, h, surroundings);
         implicit_euler.backtrack(step, course, parts, (stopped, remedy), |slot| {
             if !pulls.is_empty() {
-                pulls.touch(slot);
+                pulls.set_touching(slot);
             }
         })
     }

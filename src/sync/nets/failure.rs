@@ -49,7 +49,7 @@ pub(in crate::sync) fn turn_winches(
     }
 }
 
-/// Has a net come apart where springs broke in this tick, and publishes it. Returns whether any did.
+/// Tears nets where springs broke in this tick, and publishes that. Returns whether any did.
 pub(super) fn publish_breaks(
     (commands, messages): (&mut Commands, &mut MessageWriter<Broke>),
     (entity, net, place): (Entity, &mut Mut<ParticleNet>, &NetPlace),

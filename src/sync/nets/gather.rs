@@ -27,7 +27,7 @@ pub(in crate::sync) struct GatheredNets {
     pins: Vec<u32>,
 }
 
-/// What the solver has been told of a net.
+/// The solver's copy of a net.
 #[derive(Debug, Clone)]
 pub(in crate::sync) struct KnownNet {
     entity: Entity,

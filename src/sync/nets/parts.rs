@@ -1,4 +1,4 @@
-//! Parts of nets: what they do to their nets before a tick, and where they are after it.
+//! Parts of nets: their pins, forces and motions are applied to the nets before a tick, their places read back after it.
 
 use std::sync::Arc;
 

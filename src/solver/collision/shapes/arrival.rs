@@ -1,9 +1,9 @@
-//! How far an edge or a triangle of a net gets, on straight ways of its corners, before it comes near a shape.
+//! The first time at which an edge or a triangle of a net, its corners moving in straight lines, comes near a shape.
 //!
-//! A convex solid lies behind the plane that touches it next to the feature, and how high a corner is above a plane is a linear
-//! function of time: until the first corner is as low as may be, nothing is nearer. From there the next plane leads on (conservative
-//! advancement, Mirtich 1996, by the planes of Gilbert, Johnson and Keerthi's separating axes). Each triangle of a mesh is such a
-//! solid. What is not apart at the start is left alone.
+//! A convex solid lies behind its tangent plane at the point nearest to the feature, and the height of each corner above a plane is a
+//! linear function of time: until the first corner has reached the least height, no point of the feature is nearer. There the next plane
+//! is found (conservative advancement, Mirtich 1996, with the separating axes of Gilbert, Johnson and Keerthi). Each triangle of a mesh
+//! is such a solid. Features that overlap the solid at the start are ignored.
 
 use bevy::math::DVec3;
 
@@ -12,22 +12,22 @@ use super::mesh::{Mesh, MeshKind};
 use super::tree::Bounds;
 use super::{Kind, Nearest, Shape, triangle};
 
-/// The way above which a feature is swept, as a part of its radius and of half the thickness of the shape.
+/// Displacement above which a feature is swept, as a fraction of its radius and of half the thickness of the shape.
 const SWEPT_WAY: f64 = 0.5;
 
 /// Number of planes, at most: a feature that grazes a surface for longer than that ends there.
 const MAX_STEPS: usize = 48;
 
-/// The part of the present distance below which a feature does not come that is nearer than the least distance already.
+/// Distance that a feature keeps which is nearer than the least distance at the start, as a fraction of that at the start.
 const KEPT_PART: f64 = 0.97;
 
-/// What ends its way at this part of the least distance or above has not come too near: rounding of where it was put.
+/// A feature that ends at this fraction of the least distance, or farther, has not come too near: positions were rounded.
 const TOLERATED_PART: f64 = 0.9;
 
-/// A way shorter than this part of the least distance is none.
+/// Displacement that counts as none, as a fraction of the least distance.
 const NO_WAY: f64 = 0.02;
 
-/// The ways of the corners of an edge or a triangle in a substep, in the axes of a shape.
+/// The displacements of the corners of an edge or a triangle in a substep, in the axes of a shape.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::solver::collision) struct Ways {
     /// m; of an edge the last corner is the one before.
@@ -74,7 +74,8 @@ impl Ways {
         Self { from: local(self.from), to: local(self.to), ..*self }
     }
 
-    /// Where it comes as near as `least` m to what `separation` tells a plane of, from the side to which `front` points, if any.
+    /// Time at which the primitive first is `least` m from the plane that `separation` returns, on the side to which `front` points, if
+    /// that is given.
     fn advance(
         &self,
         least: f64,
@@ -82,7 +83,7 @@ impl Ways {
         separation: impl Fn([DVec3; 3]) -> Option<Separation>,
     ) -> Option<Arrival> {
         let longest = self.longest();
-        // Neither of NaN.
+        // Written so that NaN takes this branch.
         if !(longest > 0.0 && longest.is_finite()) {
             return None;
         }

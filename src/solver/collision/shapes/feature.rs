@@ -3,9 +3,9 @@
 //! The distance from a convex solid is a convex function, also inside, and its slope is the normal (Boyd and Vandenberghe,
 //! *Convex Optimization*, 2004, section 8.1). So along an edge the deepest point is where the slope changes its sign
 //! (`line.rs`). A triangle is searched in lines along one of its edges: the least of each is convex again.
-//! Against a mesh its edges and corners are looked at one by one.
+//! Against a mesh each of its edges and corners is tested.
 //!
-//! Corners of the net are spheres of their own: what is deepest at a corner, or of a triangle on an edge, is left to those.
+//! Corners of the net are spheres of their own: where the deepest point is a corner, or an edge of a triangle, that has the contact.
 
 use bevy::math::DVec3;
 
@@ -18,7 +18,7 @@ use super::{Kind, Nearest, Shape};
 /// A weight below this is none.
 pub(super) const MIN_WEIGHT: f64 = 1e-3;
 
-/// Lines of a triangle that are looked at.
+/// Number of lines of a triangle that are searched.
 const MAX_LINES: usize = 24;
 
 /// A point of an edge or a triangle, and the surface next to it.

@@ -1,12 +1,13 @@
-//! Where on a line a convex shape is nearest, whose distance is a convex function: secants of the slope find it where the
-//! surface is smooth, crossings of tangents where it has edges, halving in any case, and two tangents bound it from below.
+//! The point of a line that is nearest to a convex shape. The distance is a convex function along the line: its minimum is found by
+//! secants of the slope where the surface is smooth, by crossings of tangents where it has edges, else by bisection; two tangents bound
+//! it from below.
 
 use bevy::math::DVec3;
 
 use super::Shape;
 use super::feature::Deepest;
 
-/// Points of an edge that are looked at.
+/// Number of points of an edge that are tested.
 const MAX_POINTS: usize = 36;
 
 /// How well the deepest point is known, m; what is not deeper than a corner by as much is left to that.

@@ -1,8 +1,8 @@
-//! Shapes of colliders, in their own axes: how far a point is from one, where it first meets one on its way.
+//! Shapes of colliders, in their own axes: the distance of a point, and its first contact along a displacement.
 //!
 //! Half-space, ball, capsule, box and the frustum (which cylinders and cones are) have closed forms; meshes, and convex
 //! hulls as meshes, a tree of their triangles; a compound is the union of its parts. All is in f64: what an implicit
-//! step solves for is finer than f32, and only what is near is asked for at all. Big shapes are shared, not copied.
+//! step solves for is finer than f32, and only near pairs are computed. Big shapes are shared, not copied.
 
 mod arrival;
 mod feature;

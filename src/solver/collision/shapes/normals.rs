@@ -1,4 +1,4 @@
-//! How the triangles of a mesh hang together, and their normals.
+//! The connectivity of the triangles of a mesh, and their normals.
 
 use bevy::math::{DVec3, Vec3};
 

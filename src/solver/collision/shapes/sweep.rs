@@ -1,7 +1,7 @@
-//! Where a ball first meets a shape on a straight way.
+//! The first contact of a ball that moves in a straight line with a shape.
 //!
-//! Towards convex shapes by conservative advancement (Mirtich, *Impulse-based dynamic simulation*, 1996) up to the tangent
-//! plane. Through the triangles of a mesh the way of its centre is tested exactly.
+//! Convex shapes: conservative advancement (Mirtich, *Impulse-based dynamic simulation*, 1996) up to the tangent plane. Meshes: the line
+//! of the centre is intersected with the triangles, exactly.
 
 use bevy::math::DVec3;
 
@@ -50,7 +50,6 @@ impl Shape {
                 return Some((time, point - nearest.normal * nearest.distance, nearest.normal));
             }
             time += gap / length;
-            // Neither of NaN.
             if time.is_nan() || time > 1.0 {
                 return None;
             }
@@ -62,7 +61,7 @@ impl Shape {
     fn advance(&self, from: DVec3, to: DVec3, radius: f64) -> Option<Crossing> {
         let way = to - from;
         let length = way.length();
-        // Neither of NaN.
+        // Written so that NaN takes this branch.
         if !(length > 0.0 && length.is_finite()) {
             return None;
         }
@@ -83,7 +82,6 @@ impl Shape {
             }
             // It lies above its tangent, so that this is never too far (Newton's method, from the left).
             time += gap / approach;
-            // Neither of NaN.
             if time.is_nan() || time > 1.0 {
                 return None;
             }

@@ -2,8 +2,8 @@
 //!
 //! Each node has four children, whose boxes lie side by side so that all four are tested by the same vector
 //! instructions. It is built by halving along the longest axis, so that its depth is bounded and it is the same on
-//! every run. What it finds is all that overlaps, or the nearest of all: the order in which it looks changes nothing
-//! as long as the smallest index is taken of what is equally near.
+//! every run. A query returns all items that overlap, or the nearest one: the order of traversal changes no
+//! result as long as the smallest index is taken of those that are equally near.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -16,7 +16,8 @@ const MAX_LEAF: usize = 4;
 /// A leaf is this bit, the first of its items times 8, and their number.
 const LEAF: u32 = 1 << 31;
 
-const NONE: u32 = u32::MAX;
+/// The child of a node that has fewer than four.
+const NO_CHILD: u32 = u32::MAX;
 
 /// Nodes that wait to be visited: three for each level, of which 2³¹ items have 16 at most.
 const MAX_PENDING: usize = 64;
@@ -106,7 +107,7 @@ impl Tree {
     fn add_node(&mut self, bounds: &[Bounds], start: usize, end: usize) -> u32 {
         let number = self.nodes.len();
         let empty =
-            Node { low: [[f32::INFINITY; 4]; 3], high: [[f32::NEG_INFINITY; 4]; 3], children: [NONE; 4] };
+            Node { low: [[f32::INFINITY; 4]; 3], high: [[f32::NEG_INFINITY; 4]; 3], children: [NO_CHILD; 4] };
         self.nodes.push(empty);
         let middle = halve(&mut self.items[start..end], bounds) + start;
         let quarter = halve(&mut self.items[start..middle], bounds) + start;
@@ -162,7 +163,7 @@ impl Tree {
             count -= 1;
             let node = &self.nodes[pending[count] as usize];
             for place in 0..WIDTH {
-                let mut overlap = node.children[place] != NONE;
+                let mut overlap = node.children[place] != NO_CHILD;
                 for axis in 0..3 {
                     overlap &= node.low[axis][place] <= bounds.high[axis];
                     overlap &= bounds.low[axis] <= node.high[axis][place];
@@ -214,7 +215,7 @@ impl Tree {
             for (child, square) in node.children.into_iter().zip(squares) {
                 // A little less, for the rounding of the square itself.
                 let square = square * (1.0 - 8.0 * f32::EPSILON);
-                if child != NONE && square <= least {
+                if child != NO_CHILD && square <= least {
                     // The nearest come last, and are looked at first.
                     let mut place = count;
                     while place > first && pending[place - 1].0 < square {
@@ -230,7 +231,7 @@ impl Tree {
 
     fn leaf(&self, child: u32) -> &[u32] {
         // Infinite bounds overlap a place without a child, too.
-        if child == NONE {
+        if child == NO_CHILD {
             return &[];
         }
         let (first, count) = ((child & !LEAF) >> 3, child & 7);
@@ -314,7 +315,7 @@ mod tests {
                 assert_eq!(found, expected, "{count} boxes, search {number}");
                 let point = wanted.low.as_dvec3();
                 let square = |item: u32| all[item as usize].centre().as_dvec3().distance_squared(point);
-                let mut nearest = (f64::INFINITY, NONE);
+                let mut nearest = (f64::INFINITY, u32::MAX);
                 tree.nearest(point, f64::INFINITY, |item| {
                     let found = square(item);
                     if found < nearest.0 {

@@ -1,8 +1,7 @@
-//! The triangles of a mesh near a point that moves little: what lies on a mesh does not search all of it again.
+//! The triangles of a mesh near a point that moves little, so that what lies on a mesh does not search the tree again.
 //!
-//! A distance changes by no more than what the point moves by. So a triangle that was farther away than all in a short list
-//! is not the nearest as long as the point has moved by less than half the difference. What is found is what a search
-//! finds, to the bit.
+//! A distance changes by no more than the displacement of the point. So a triangle that was farther away than all of a short list is not
+//! the nearest as long as the point has moved by less than half the difference. The result is that of a search of the tree, to the bit.
 
 use bevy::math::{DVec3, Vec3};
 

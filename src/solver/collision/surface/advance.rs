@@ -1,4 +1,4 @@
-//! The last word on where particles go in a substep: as far as nothing passes through anything.
+//! Final check of a substep: no edge or triangle of a net passes through another one, or through a ball.
 //!
 //! At the start of a substep each pair is apart along the direction of its closest points. The distance of its sides along
 //! a fixed direction is a concave function of time where all move straight on: a pair that is apart along it at the end, too,
@@ -18,8 +18,8 @@ use super::pair::{CLOSE_PART, LEAST_PART, Ways};
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 
-/// Number of rounds after which what would pass through something stays where it was.
-const PATIENT_ROUNDS: u32 = 6;
+/// Number of rounds in which particles may go a part of their displacement; in later ones they stay where they were.
+const MAX_PARTIAL_ROUNDS: u32 = 6;
 
 /// Number of rounds, at most.
 const MAX_ROUNDS: u32 = 64;
@@ -27,7 +27,7 @@ const MAX_ROUNDS: u32 = 64;
 /// Number of iterations over the velocities of what was stopped, at most.
 const VELOCITY_ITERATIONS: usize = 32;
 
-/// The part of the present distance below which two do not come that are nearer than the least distance already.
+/// Distance that a pair keeps which is nearer than the least distance at the start, as a fraction of that at the start.
 const KEPT_PART: f32 = 0.97;
 
 /// How much heavier a particle counts that is pushed already, so that what is in its way yields.
@@ -104,7 +104,7 @@ impl Advance {
         any
     }
 
-    /// Has the sides of what was stopped approach each other no longer: without that springs would drive them on, and on.
+    /// Removes the approaching velocity of pairs that were stopped, which else would be stopped in each substep.
     fn stop_velocities(&self, search: &Search, particles: &mut Particles) {
         for _ in 0..VELOCITY_ITERATIONS {
             let mut any = false;
@@ -132,7 +132,7 @@ impl Advance {
         }
     }
 
-    /// Shortens ways until all are certified; whether they are after some rounds.
+    /// Shortens displacements until all are certified; whether they are after some rounds.
     fn settle(&mut self, search: &Search, start: &Vectors, particles: &mut Particles) -> bool {
         (0..MAX_ROUNDS).any(|round| !self.shorten(search, start, particles, round))
     }
@@ -204,7 +204,7 @@ impl Advance {
             if ways.end_gap(pair.direction) >= pair.least {
                 continue;
             }
-            let is_patient = round < PATIENT_ROUNDS;
+            let may_move_partly = round < MAX_PARTIAL_ROUNDS;
             let time = ways.first_near(pair.distance, pair.least);
             if time >= 1.0 {
                 continue;
@@ -216,7 +216,7 @@ impl Advance {
                 any |= push((candidate, time), &ways, pair, particles, (parts, next, is_pushed, stopped));
             } else {
                 any |= stop_pair(
-                    (slots, if is_patient { time } else { 0.0 }),
+                    (slots, if may_move_partly { time } else { 0.0 }),
                     particles,
                     (parts, next, stopped),
                 );
@@ -234,7 +234,7 @@ fn may_stop(particles: &Particles, on_mesh: &[bool], slot: usize) -> bool {
     !particles.is_pinned(slot) && (on_mesh[slot] || particles.radius()[slot] > 0.0)
 }
 
-/// Has the free particles of a pair go no further than it may; whether that is less far than before.
+/// Limits the displacements of the free particles of a pair; whether that makes any shorter.
 fn stop_pair(
     (slots, time): ([usize; 4], f32),
     particles: &Particles,

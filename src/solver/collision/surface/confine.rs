@@ -1,7 +1,7 @@
-//! What moves so wildly that too many pairs would have to be looked at is held back, so that nothing passes unseen.
+//! Limits displacements where so many pairs may touch in a substep that they are not listed, so that no crossing is missed.
 //!
-//! That is how bodies end that are far beyond what a scheme can follow, as a cloth that is squeezed by pinned particles until it
-//! bursts apart: in one substep each vertex could meet a good part of all others. Then each goes no further than its radius.
+//! That happens to bodies whose motion no scheme resolves, as a cloth that is squeezed by pinned particles until it bursts apart: each
+//! vertex could meet a large part of all others in one substep. Then none moves by more than its radius.
 
 use bevy::math::Vec3A;
 
@@ -12,7 +12,7 @@ use crate::solver::particles::{Particles, Vectors};
 /// between bodies, too.
 pub(super) const ATTEMPTS: [bool; 2] = [true, false];
 
-/// The free vertices that are held back, with the parts of their ways that are left, and what their bodies have in common.
+/// The free vertices that are held back, with the fractions of their displacements that are left, and what their bodies have in common.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Confinement {
     held: Vec<(u32, f32, u32)>,
@@ -21,7 +21,7 @@ pub(super) struct Confinement {
 }
 
 impl Confinement {
-    /// Shortens the ways from `start` to where they `end`.
+    /// Shortens the displacements from `start` to where they `end`.
     pub fn shorten(&self, start: &Vectors, end: &mut Vectors) {
         for (slot, part, body) in self.held.iter().copied() {
             let [common, _] = self.common[body as usize];

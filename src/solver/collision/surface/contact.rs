@@ -11,12 +11,11 @@ use crate::solver::settings::PairRules;
 use super::super::material::{Material, Skin, skin_of};
 use super::super::response::{Approach, Rebound};
 
-/// Below this part of the way at which they touch, two primitives are taken to be in one place: what starts crossed or
-/// joined is left alone.
+/// Fraction of the contact distance below which two primitives count as coincident: pairs that cross or are joined at the start are
+/// ignored.
 pub(super) const COINCIDENT: f32 = 1e-4;
 
-/// Pairs that move, relative to each other, by less than this part of their distance are examined where they end: they
-/// are on the same side there.
+/// Pairs with a relative displacement below this fraction of their distance are examined at its end: they are on the same side there.
 const SLOW_WAY: f32 = 0.5;
 
 /// Two primitives that touch.
@@ -52,7 +51,7 @@ pub(super) struct Examination<'a> {
     pub rules: PairRules,
     /// See [`skin_of`].
     pub skins: &'a [Skin],
-    /// By slot, how far each vertex was from where it was in the search: see [`super::search::Search::moved`].
+    /// By slot, the displacement of each vertex since the search: see [`super::search::Search::moved`].
     pub moved: &'a [Vec<f32>; 2],
     pub on_mesh: &'a [bool],
 }
@@ -84,7 +83,7 @@ impl Candidate {
         weights
     }
 
-    /// The ways of the corners in the substep.
+    /// The displacements of the corners in the substep.
     pub fn ways(&self, moving: Moving) -> Ways {
         let ends = self.slots.map(|slot| moving.ends(slot as usize));
         Ways {
@@ -147,7 +146,6 @@ impl Examination<'_> {
     /// How a pair meets, if its sides come within `slop` m of touching on the way.
     pub fn meeting(&self, candidate: &Candidate, slop: f32) -> Option<Meeting> {
         let largest = candidate.largest_reach();
-        // Neither of NaN.
         let least = candidate.least_distance(self.moved);
         if least.is_nan() || least > largest + slop {
             return None;

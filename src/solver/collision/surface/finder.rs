@@ -23,7 +23,8 @@ pub(super) struct Finder<'a> {
     /// See [`super::super::material::skin_of`].
     pub skins: &'a [Skin],
     pub candidates: &'a mut Vec<Candidate>,
-    pub rooms: &'a [Vec<f32>; 2],
+    /// See [`Search`](super::search::Search).
+    pub vertex_margins: &'a [Vec<f32>; 2],
     /// m.
     pub margin: f32,
     /// The number of pairs, at most.
@@ -207,13 +208,13 @@ impl Finder<'_> {
         let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
         // Less than the true one: what is told from it must not depend on rounding.
         let distance = closest(kind, &corners).apart.length() - DISTANCE_ROUNDING * farthest.max_element();
-        let room = self.margin + of_both(&self.rooms[usize::from(!is_within)]);
-        if distance > reach + room {
+        let margin = self.margin + of_both(&self.vertex_margins[usize::from(!is_within)]);
+        if distance > reach + margin {
             return;
         }
         let way = self.primitives.near.way(&slots[..sides], &slots[sides..]);
         // No way is between those that share a corner which a tear has split.
-        if way == 0.0 || distance > 0.5 * way + room {
+        if way == 0.0 || distance > 0.5 * way + margin {
             return;
         }
         let most = 0.5 * way;

@@ -1,7 +1,7 @@
-//! Where surfaces go that could not be kept apart otherwise: along with the pinned ones near them.
+//! The displacement of surfaces that cannot be kept apart otherwise: that of the pinned particles near them.
 //!
-//! A smooth field of small displacements takes nothing through anything: what is near each other goes the same way. Here it is
-//! the mean of the ways of the pinned particles, weighted by the inverse fourth power of the distance from each (Shepard,
+//! A smooth field of small displacements causes no crossing, as neighbouring points move alike. Here it is
+//! the mean displacement of the pinned particles, weighted by the inverse fourth power of the distance from each (Shepard,
 //! *A two-dimensional interpolation function for irregularly-spaced data*, ACM National Conference, 1968), which fades out far
 //! from all of them.
 
@@ -12,7 +12,7 @@ use crate::solver::particles::{Particles, Vectors};
 /// Within how many of the longest ways and the greatest radii, together, the field has faded to a half.
 const REACH: f32 = 16.0;
 
-/// The displacement field that follows the ways of all pinned particles that collide.
+/// The displacement field that follows the displacements of all pinned particles that collide.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DisplacementField {
     /// Where they are at the start, and how far they go; m.
@@ -22,7 +22,7 @@ pub(super) struct DisplacementField {
 }
 
 impl DisplacementField {
-    /// Measures it, on the ways from `start` to the present positions.
+    /// Measures it, along the displacements from `start` to the present positions.
     pub fn measure(&mut self, start: &Vectors, particles: &Particles, on_mesh: &[bool]) {
         let Self { sources, rest } = self;
         sources.clear();

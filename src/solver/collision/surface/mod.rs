@@ -1,28 +1,28 @@
 //! Contacts of edges and triangles that have a thickness: ropes, cloths, balloons, jellies, and springs where asked, with
 //! each other, with themselves and with loose balls.
 //!
-//! **Nothing ever passes through anything**, once nothing does at the start. Three ways to that are known:
+//! **Surfaces never cross** if they do not cross at the start. Three methods are known:
 //! - *Continuous collision detection with a line search* (Li et al., *Incremental potential contact*, SIGGRAPH 2020): all
 //!   particles stop at the first crossing that any pair would have. One contact stops everything, and each iteration
 //!   solves a cubic, or a conservative advancement, for every pair.
 //! - *Bounds on the displacement of each vertex* from the distances at the last search (Chen et al., *Offset geometric
 //!   contact*, SIGGRAPH 2025): cheap and local, but a bound of a part of the distance is used up by what moves together or
-//!   slides, as all of a cloth does that falls, and each bound that is used up costs a search.
+//!   slides, as all of a falling cloth does, and each bound that is used up costs a search.
 //! - *A certificate for each pair*, which is used here: sides that are apart along one direction at the start and at the end
 //!   of straight ways were so all the way (`advance.rs`). It is as cheap as a bound (four products), as local (only
 //!   particles of pairs that are not certified stop), exact for what slides and moves together, and needs no memory: all of
 //!   this is a function of where particles are at the start and at the end of a substep. A few pairs that fail are advanced
 //!   conservatively. The bounds of offset geometric contact remain for what they are best at, pairs that were not found: each
-//!   vertex stays in a box of which the search knows (`search.rs`).
+//!   vertex stays in its bounding box of the last search (`search.rs`).
 //!
 //! It is the last thing in a substep, after all that moves particles: any scheme, contacts of all kinds, strain limits.
-//! Pinned particles go where they are sent, and push the others.
+//! Pinned particles keep their prescribed motion, and push the others.
 //!
 //! **What touches** (`contact.rs`, `solve.rs`): pairs that come nearer than the sum of their radii, those at the closest points.
-//! Neighbours on a mesh keep half of the way along it (`near.rs`), if that is less. What starts crossed, or in one place, is
-//! left alone.
+//! Neighbours on a mesh keep half of the way along it (`near.rs`), if that is less. Pairs that cross at the start, or are in one place, are
+//! ignored.
 //!
-//! There is nothing in this module that the next tick depends on: all of it is caches.
+//! The state has no part of this module: all of it is caches.
 
 mod advance;
 mod closest;
@@ -57,8 +57,8 @@ use crate::solver::settings::{Integrator, StepSettings};
 /// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs.
 const MAX_STOPS: u32 = 4;
 
-/// No place among those that touch.
-const NONE: u32 = u32::MAX;
+/// The place of a particle that touches nothing.
+const NO_PLACE: u32 = u32::MAX;
 
 /// The contacts of surfaces: caches and working memory.
 #[derive(Debug, Clone, Default)]
@@ -170,7 +170,7 @@ impl Surfaces {
         true
     }
 
-    /// Finds the pairs that may touch on the ways to the present positions: whether it has searched, and whether anything was
+    /// Finds the pairs that may touch along the displacements to the present positions: whether it has searched, and whether anything was
     /// held back for it.
     fn ensure(&mut self, particles: &mut Particles, wanted: (&[Skin], f32)) -> [bool; 2] {
         let Self { search, primitives, start, confinement, .. } = self;
@@ -231,11 +231,11 @@ impl Surfaces {
     /// Copies the particles that touch something, and gives the contacts their places.
     fn gather(&mut self, particles: &Particles) {
         let Self { contacts, bodies, places, start, .. } = self;
-        places.resize(particles.len(), NONE);
+        places.resize(particles.len(), NO_PLACE);
         for contact in &mut *contacts {
             for slot in &mut contact.places {
                 let number = *slot as usize;
-                if places[number] == NONE {
+                if places[number] == NO_PLACE {
                     places[number] = bodies.len() as u32;
                     bodies.push(Touching {
                         position: particles.position.get(number).into(),
@@ -248,7 +248,7 @@ impl Surfaces {
                 *slot = places[number];
             }
         }
-        bodies.iter().for_each(|body| places[body.slot as usize] = NONE);
+        bodies.iter().for_each(|body| places[body.slot as usize] = NO_PLACE);
     }
 
     fn record(&self, particles: &Particles, records: &mut Vec<ContactRecord>) {

@@ -1,4 +1,4 @@
-//! Which particles of a mesh are near each other along it: they cannot keep the distance that others keep.
+//! Which particles of a mesh are neighbours along it: their contact distance is at most half of the distance along the mesh.
 
 use crate::solver::buckets::Buckets;
 
@@ -6,7 +6,7 @@ use crate::solver::buckets::Buckets;
 /// touch are at most half as long.
 const REACH: f32 = 4.0;
 
-/// The ways along edges and springs, at rest.
+/// The lengths of paths along edges and springs, at rest.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Near {
     /// Of each slot those that are near, and how far, m; in the order of the slots.
@@ -20,7 +20,7 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// Finds the ways along `links`, which have a length in m, from each particle that is on the mesh and those that springs
+    /// Finds the paths along `links`, which have a length in m, from each particle that is on the mesh and those that springs
     /// join to it.
     pub fn rebuild(&mut self, links: &[([u32; 2], f32)], radius: &[f32], on_mesh: &[bool]) {
         let Self { ways, joined, found, length, front, reached } = self;

@@ -1,4 +1,4 @@
-//! A pair of primitives: whether it stays apart on a way, and when it first comes near.
+//! A pair of primitives: whether it stays apart during a displacement, and when it first comes near.
 
 use bevy::math::Vec3A;
 
@@ -37,7 +37,7 @@ pub(super) const CLOSE_PART: f32 = 0.25;
 /// Number of steps of a conservative advancement, at most.
 const MAX_STEPS: u32 = 256;
 
-/// The straight ways of the corners of a pair.
+/// The straight paths of the corners of a pair.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ways {
     pub kind: Kind,

@@ -117,7 +117,7 @@ impl Primitives {
         self.forest.build(items, count);
     }
 
-    /// Finds the ways along the mesh that are short.
+    /// Finds the paths along the mesh that are short.
     fn measure_ways(&mut self, mesh: &CollisionMesh, elements: &Elements, radius: &[f32]) {
         let edges =
             mesh.present_edges(elements, self.with_springs).filter(|(ends, _)| is_thick(ends, radius));

@@ -1,32 +1,33 @@
-//! Which pairs may come near each other: found from rooms in which each vertex stays.
+//! Which pairs may come near each other: those whose bounding boxes, enlarged by margins, overlap.
 //!
-//! A vertex has room on all sides twice, more than its way in the substep of the search: in one that goes with its body, for
-//! pairs within the body, and in one that stays in the world, for pairs of two bodies. As long as each vertex is in its rooms no
-//! pair can touch that was not found, so that no other search is needed; what moves together, or is far from all others, uses
-//! none of them up. For all vertices of a body that is told at once (`spread.rs`) while none has moved much.
+//! Each vertex has two bounding boxes with a margin greater than its displacement in the substep of the search: one that moves with
+//! its body, for pairs within it, and one fixed in the world, for pairs of bodies. No new search is needed while all vertices stay
+//! inside; what moves together, or is far from all others, uses no margin up. `spread.rs` checks a whole body at once.
 
 use bevy::math::Vec3A;
 
 use super::finder::{Boxes, Finder, is_one_family};
 use super::pair::Kind;
 use super::primitives::Primitives;
-use super::spread::{EachMoved, Spread, room_of, roomy};
+use super::spread::{EachMoved, Spread, enlarged, margin_of};
 use super::tree::{Box3, fit_primitives};
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
 
-/// By how much more than it has moved at most a vertex may move before the close candidates are listed anew.
+/// Displacement since the search at which the close candidates are listed anew, as a multiple of the largest at the last listing.
 const LIMIT_GROWTH: f32 = 1.5;
 
-/// Number of pairs for each primitive, and beside them, from which on there are too many: of what is put into each other.
+/// Greatest number of pairs: for each primitive, and beside that. Bodies that are put into each other have more.
 const MAX_PAIRS: [usize; 2] = [200, 100_000];
 
-/// How many times its size a vertex must be from the mean of its body for that to have exploded: it collides no more.
-const EXPLODED: f32 = 10.0;
+/// A body with a vertex farther from its mean than this many of its sizes has diverged and no longer collides.
+const MAX_EXTENT: f32 = 10.0;
 
-/// Number of pairs for each primitive that are searched anew after so many substeps, at least.
+/// Number of pairs per primitive from which on old lists are rebuilt.
 const MANY_PAIRS: usize = 8;
+
+/// Age at which they are, in substeps; doubled each time that the new list is as long.
 const MAX_AGE: u32 = 48;
 
 /// Two primitives that may touch before a vertex leaves its box.
@@ -56,16 +57,16 @@ pub(super) struct Search {
     /// Number of times that it has been good enough since.
     age: u32,
     max_age: u32,
-    /// How far beyond where they touch pairs are wanted, m.
+    /// Distance from touching up to which pairs are listed, m.
     margin: f32,
     /// By slot.
     origins: Vectors,
     /// By slot: the boxes in which a vertex stays with its radius, with its body and in the world.
     boxes: [Vec<Box3>; 2],
-    /// By slot: how far each vertex may come from where it was in the search, with its body and in the world, m.
-    rooms: [Vec<f32>; 2],
+    /// By slot: the displacement since the search that the boxes of a vertex allow, with its body and in the world, m.
+    vertex_margins: [Vec<f32>; 2],
     /// By body: the least of them.
-    least_rooms: Vec<[f32; 2]>,
+    least_margins: Vec<[f32; 2]>,
     /// How far each vertex is, or was at the start of the substep, from where it was in the search: with its body, and in
     /// the world; m. Known while there are close candidates.
     pub moved: [Vec<f32>; 2],
@@ -83,8 +84,8 @@ pub(super) struct Search {
     /// By body: its box, where it has been; which bodies have a partner.
     body_boxes: Vec<Box3>,
     has_partner: Vec<bool>,
-    /// By body: whether it has exploded.
-    has_exploded: Vec<bool>,
+    /// By body: whether it has diverged.
+    has_diverged: Vec<bool>,
     /// By body: how far it moves as a whole in the substep of the search, m.
     ways: Vec<Vec3A>,
     /// By body: the greatest radius, m.
@@ -179,22 +180,22 @@ impl Search {
         self.close.iter().map(|number| &self.candidates[*number as usize])
     }
 
-    /// Whether each vertex is in its rooms.
+    /// Whether each vertex is in its boxes.
     fn still_holds(&mut self, primitives: &Primitives, moving: Moving) -> bool {
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         let wants_each = !self.close.is_empty();
         let mut farthest = [0.0_f32; 2];
         for (number, body) in forest.bodies.iter().enumerate() {
             let spread = Spread::of(&body.runs, moving, &self.origins);
-            let has_exploded = has_exploded(primitives, number, &spread, moving);
-            if has_exploded != self.has_exploded[number] {
+            let has_diverged = self::has_diverged(primitives, number, &spread, moving);
+            if has_diverged != self.has_diverged[number] {
                 return false;
-            } else if has_exploded {
+            } else if has_diverged {
                 continue;
             }
             let frames = if self.has_partner[number] { 2 } else { 1 };
-            let (mut own, rooms) = (spread.farthest(), self.least_rooms[number]);
-            let is_clear = (0..frames).all(|frame| own[frame] <= rooms[frame]);
+            let (mut own, margins) = (spread.farthest(), self.least_margins[number]);
+            let is_clear = (0..frames).all(|frame| own[frame] <= margins[frame]);
             if wants_each || !is_clear {
                 own = [0.0; 2];
                 if !self.measure_each(primitives, (number, &spread), moving, &mut own) {
@@ -232,7 +233,7 @@ impl Search {
         }
     }
 
-    /// Measures how far each vertex of a body has moved; whether all are in their rooms.
+    /// Measures how far each vertex of a body has moved; whether all are within their margins.
     fn measure_each(
         &mut self,
         primitives: &Primitives,
@@ -250,7 +251,7 @@ impl Search {
                 moving,
                 origins,
                 drift: drifts[frame],
-                rooms: &self.rooms[frame],
+                margins: &self.vertex_margins[frame],
                 moved: &mut self.moved[frame],
                 farthest: &mut farthest[frame],
                 is_beyond: &mut is_beyond,
@@ -275,11 +276,11 @@ impl Search {
         }
         self.body_boxes.clear();
         for (number, body) in forest.bodies.iter().enumerate() {
-            self.body_boxes.push(roomy(self.nodes[1][body.nodes.start as usize], self.ways[number]));
+            self.body_boxes.push(enlarged(self.nodes[1][body.nodes.start as usize], self.ways[number]));
         }
         self.has_partner.clear();
         self.has_partner.resize(forest.bodies.len(), false);
-        let Self { candidates, nodes, edges, triangles, boxes, stack, rooms, margin, .. } = self;
+        let Self { candidates, nodes, edges, triangles, boxes, stack, vertex_margins, margin, .. } = self;
         let [within, world] = [0, 1].map(|frame| Boxes {
             nodes: &nodes[frame],
             vertices: &boxes[frame],
@@ -289,9 +290,10 @@ impl Search {
         });
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
-        let mut finder = Finder { primitives, moving, skins, candidates, rooms, margin: *margin, most };
+        let mut finder =
+            Finder { primitives, moving, skins, candidates, vertex_margins, margin: *margin, most };
         let families = moving.particles.families();
-        for (body, _) in forest.bodies.iter().zip(&self.has_exploded).filter(|(_, exploded)| !**exploded) {
+        for (body, _) in forest.bodies.iter().zip(&self.has_diverged).filter(|(_, diverged)| !**diverged) {
             if is_one_family(forest.vertices_of(body), families) {
                 continue;
             }
@@ -300,7 +302,7 @@ impl Search {
         }
         // The boxes of bodies, swept along x; balls are bodies, too.
         self.order.clear();
-        let present = (0..).zip(&self.body_boxes).filter(|(number, _)| !self.has_exploded[*number as usize]);
+        let present = (0..).zip(&self.body_boxes).filter(|(number, _)| !self.has_diverged[*number as usize]);
         self.order.extend(present.map(|(number, body)| (body.least.x, number)));
         let bodies = forest.bodies.len() as u32;
         let balls = (bodies..).zip(&primitives.balls);
@@ -343,26 +345,26 @@ impl Search {
         }
     }
 
-    /// Gives the vertices their rooms and boxes.
+    /// Computes the margins and boxes of the vertices.
     fn make_boxes(&mut self, primitives: &Primitives, moving: Moving) {
-        let Self { origins, boxes, rooms, least_rooms, has_exploded, ways, largest, .. } = self;
+        let Self { origins, boxes, vertex_margins, least_margins, has_diverged, ways, largest, .. } = self;
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         origins.copy_from(moving.start);
         boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
-        rooms.iter_mut().for_each(|rooms| rooms.resize(moving.particles.len(), 0.0));
-        has_exploded.clear();
-        least_rooms.clear();
+        vertex_margins.iter_mut().for_each(|margins| margins.resize(moving.particles.len(), 0.0));
+        has_diverged.clear();
+        least_margins.clear();
         ways.clear();
         largest.clear();
         let margin = self.margin;
         let mut place = |slot: usize, way: Vec3A, frame: usize| {
-            let (room, place) = room_of(moving.ends(slot), way, (radius[slot], margin));
-            (rooms[frame][slot], boxes[frame][slot]) = (room, place);
-            room
+            let (allowed, place) = margin_of(moving.ends(slot), way, (radius[slot], margin));
+            (vertex_margins[frame][slot], boxes[frame][slot]) = (allowed, place);
+            allowed
         };
         for (number, body) in forest.bodies.iter().enumerate() {
             let spread = Spread::of(&body.runs, moving, origins);
-            has_exploded.push(self::has_exploded(primitives, number, &spread, moving));
+            has_diverged.push(self::has_diverged(primitives, number, &spread, moving));
             let [_, drift] = spread.drift();
             let (mut least, mut thickest) = ([f32::INFINITY; 2], 0.0_f32);
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
@@ -372,7 +374,7 @@ impl Search {
                 }
                 thickest = thickest.max(radius[slot]);
             }
-            least_rooms.push(least);
+            least_margins.push(least);
             largest.push(thickest);
             ways.push(drift);
         }
@@ -383,9 +385,9 @@ impl Search {
     }
 }
 
-/// Whether a body has exploded, as by too long explicit steps: all of its primitives would be near each other.
-fn has_exploded(primitives: &Primitives, body: usize, spread: &Spread, moving: Moving) -> bool {
-    let most = EXPLODED * primitives.sizes[body];
+/// Whether a body has diverged, as by too long explicit steps: all of its primitives would be near each other.
+fn has_diverged(primitives: &Primitives, body: usize, spread: &Spread, moving: Moving) -> bool {
+    let most = MAX_EXTENT * primitives.sizes[body];
     if (spread.position.most - spread.position.least).length_squared() <= most * most {
         return false;
     }

@@ -1,4 +1,4 @@
-//! What touching primitives do to each other: impulses that share out by the weights of the closest points.
+//! Impulses between touching primitives, distributed by the barycentric weights of the closest points.
 //!
 //! An impulse p on the first side and −p on the second give particle i, of mass mᵢ, the velocity wᵢ p / mᵢ. The weights add
 //! up to zero, so that no momentum comes or goes. The rules are those of two spheres (`../pairs.rs`, `../response.rs`).
@@ -56,7 +56,7 @@ fn apply(
     }
 }
 
-/// Finds the impulses. Velocities along resting contacts are left alone up to `tolerance`, m/s.
+/// Finds the impulses. Velocities along resting contacts are ignored up to `tolerance`, m/s.
 pub(super) fn solve_velocities(contacts: &mut [Contact], bodies: &mut [Touching], tolerance: f32) {
     for _ in 0..VELOCITY_ITERATIONS {
         let mut corrected = false;

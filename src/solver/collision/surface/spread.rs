@@ -1,5 +1,5 @@
-//! How far the vertices of a body may move after a search, and how far they have: in one pass over arrays for all of them, and in
-//! another one for each.
+//! How far the vertices of a body may move after a search, and how far they have moved: bounds for the whole body in one vectorised pass,
+//! and the displacement of each vertex in another.
 
 use std::ops::Range;
 
@@ -9,15 +9,17 @@ use super::search::Moving;
 use super::tree::Box3;
 use crate::solver::particles::Vectors;
 
-/// The skin of a slow vertex, as a part of its radius.
+/// The skin of a slow vertex, as a fraction of its radius.
 const SKIN: f32 = 0.6;
 
-/// The skin of a fast one, as a multiple of its way in the substep of the search, and as one of its radius at most.
+/// The skin of a fast vertex: a multiple of its displacement in the substep of the search, but at most one of its radius.
 const FAST_SKIN: [f32; 2] = [4.0, 6.0];
 
-/// For how many substeps, as the one of the search, a body is to stay in its box; and the room on all sides, as a part of it.
+/// Number of substeps for which the box of a body is to hold at the velocity in the search.
 const BODY_SUBSTEPS: f32 = 16.0;
-const BODY_ROOM: f32 = 0.1;
+
+/// Margin of the box of a body on each side, as a fraction of its size.
+const BODY_MARGIN: f32 = 0.1;
 
 /// Rounding, as a part of a coordinate.
 const ROUNDING: f32 = 4e-7;
@@ -118,7 +120,7 @@ pub(super) struct EachMoved<'a> {
     /// What is taken off, at the start and at the end, m.
     pub drift: [Vec3A; 2],
     /// How far each may be, by slot, m.
-    pub rooms: &'a [f32],
+    pub margins: &'a [f32],
     /// How far each is, by slot, m; 0 for what is nowhere.
     pub moved: &'a mut [f32],
     /// The farthest of them, m.
@@ -132,7 +134,7 @@ impl pulp::WithSimd for EachMoved<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { runs, moving, origins, drift, rooms, moved, farthest, is_beyond } = self;
+        let Self { runs, moving, origins, drift, margins, moved, farthest, is_beyond } = self;
         let drift = drift.map(|drift| drift.to_array());
         let mut most = simd.splat_f32s(0.0);
         let mut excess = simd.splat_f32s(0.0);
@@ -141,8 +143,9 @@ impl pulp::WithSimd for EachMoved<'_> {
             let places = [moving.start, moving.end, origins].map(|vectors| vectors.axes());
             let [start, end, origin] =
                 places.map(|axes| axes.map(|axis| S::as_simd_f32s(&axis[run.clone()])));
-            let (rooms, moved) = (S::as_simd_f32s(&rooms[run.clone()]), S::as_mut_simd_f32s(&mut moved[run]));
-            for number in 0..rooms.0.len() {
+            let (margins, moved) =
+                (S::as_simd_f32s(&margins[run.clone()]), S::as_mut_simd_f32s(&mut moved[run]));
+            for number in 0..margins.0.len() {
                 let mut squares = [simd.splat_f32s(0.0); 2];
                 for axis in 0..3 {
                     for (side, position) in [start, end].into_iter().enumerate() {
@@ -156,9 +159,9 @@ impl pulp::WithSimd for EachMoved<'_> {
                 let far = simd.sqrt_f32s(simd.select_f32s(is_finite, square, simd.splat_f32s(0.0)));
                 moved.0[number] = far;
                 most = simd.max_f32s(far, most);
-                excess = simd.max_f32s(simd.sub_f32s(far, rooms.0[number]), excess);
+                excess = simd.max_f32s(simd.sub_f32s(far, margins.0[number]), excess);
             }
-            for number in 0..rooms.1.len() {
+            for number in 0..margins.1.len() {
                 let square = [start, end].into_iter().zip(drift).map(|(position, drift)| {
                     let way = |axis: usize| (position[axis].1[number] - origin[axis].1[number]) - drift[axis];
                     (0..3).map(|axis| way(axis) * way(axis)).sum::<f32>()
@@ -167,7 +170,7 @@ impl pulp::WithSimd for EachMoved<'_> {
                 let far = if square < f32::INFINITY { square.sqrt() } else { 0.0 };
                 moved.1[number] = far;
                 *farthest = farthest.max(far);
-                *is_beyond |= far > rooms.1[number];
+                *is_beyond |= far > margins.1[number];
             }
         }
         *farthest = farthest.max(simd.reduce_max_f32s(most));
@@ -175,25 +178,26 @@ impl pulp::WithSimd for EachMoved<'_> {
     }
 }
 
-/// How far a vertex of a `radius` that goes a `way` may come from the first of two places, m, and the box in which it is then.
+/// The margin of a vertex of a `radius` that moves by `way`: how far it may get from the first of two places, m; and the box in which it
+/// is then, with its radius.
 #[inline(always)]
-pub(super) fn room_of(ends: [Vec3A; 2], way: Vec3A, (radius, margin): (f32, f32)) -> (f32, Box3) {
+pub(super) fn margin_of(ends: [Vec3A; 2], way: Vec3A, (radius, margin): (f32, f32)) -> (f32, Box3) {
     if !(ends[0] + ends[1]).is_finite() {
         return (0.0, Box3::NOTHING);
     }
     let way = way.length();
     let skin = (SKIN * radius).max((FAST_SKIN[0] * way).min(FAST_SKIN[1] * radius));
     let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
-    let room = way + skin + 0.5 * margin + f32::MIN_POSITIVE;
-    let reach = Vec3A::splat(radius + room + rounding);
-    (room, Box3 { least: ends[0] - reach, most: ends[0] + reach })
+    let own_margin = way + skin + 0.5 * margin + f32::MIN_POSITIVE;
+    let reach = Vec3A::splat(radius + own_margin + rounding);
+    (own_margin, Box3 { least: ends[0] - reach, most: ends[0] + reach })
 }
 
-/// The box of a body, with room for some substeps, in each of which it goes a `way`: while it overlaps no other one, that is
-/// all that is to be checked of where the body is in the world.
-pub(super) fn roomy(tight: Box3, way: Vec3A) -> Box3 {
+/// The box of a body, enlarged for some substeps in each of which it moves by `way`: while it overlaps no other one, nothing else has to
+/// be checked of where the body is in the world.
+pub(super) fn enlarged(tight: Box3, way: Vec3A) -> Box3 {
     let way = BODY_SUBSTEPS * way;
-    let room = BODY_ROOM * (tight.most - tight.least);
-    let (least, most) = (tight.least - room, tight.most + room);
+    let margin = BODY_MARGIN * (tight.most - tight.least);
+    let (least, most) = (tight.least - margin, tight.most + margin);
     Box3 { least: least.min(least + way), most: most.max(most + way) }
 }

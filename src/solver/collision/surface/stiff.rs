@@ -1,5 +1,5 @@
-//! Which surfaces run into each other in an implicit step: contacts that become a part of it; and which will touch in a tick, by which
-//! schemes are chosen.
+//! Which surfaces would collide in an implicit step: their contacts become a part of it. And which may touch in a tick: those take one
+//! scheme.
 
 use bevy::math::{DVec3, Vec3, Vec3A};
 
@@ -13,11 +13,13 @@ use crate::solver::settings::{Integrator, StepSettings};
 
 use super::super::material::Skin;
 
-/// Which part of the longest way of a particle in free flight elements may add to its way in a tick, as far as schemes are chosen by
-/// it, and up to the greatest thickness; and the part of its reach within which a pair that has touched counts as touching, so that schemes do not change to and
-/// fro where nets bounce on each other.
-const UNKNOWN_PART: f32 = 0.25;
-const KEPT_PART: f32 = 0.5;
+/// Upper estimate of the displacement by elements in a tick, as a fraction of the largest free-flight displacement. It only decides
+/// which nets take one scheme.
+const MAX_ELEMENT_SHARE: f32 = 0.25;
+
+/// Beyond the contact distance, the fraction of it within which a pair counts as touching, so that schemes do not alternate where nets
+/// bounce on each other.
+const CONTACT_HYSTERESIS: f32 = 0.5;
 
 /// A point of one surface that is not to come nearer to a point of another one than they touch, along a direction that is fixed
 /// for a step.
@@ -135,11 +137,11 @@ impl Surfaces {
         let ways = (0..particles.len()).map(|slot| (end.get(slot) - start.get(slot)).length());
         let longest = ways.filter(|way| way.is_finite()).fold(0.0, f32::max);
         let thickest = particles.radius().iter().copied().fold(0.0, f32::max);
-        let margin = (UNKNOWN_PART * longest).min(2.0 * thickest);
+        let margin = (MAX_ELEMENT_SHARE * longest).min(2.0 * thickest);
         let moving = Moving { start, end, particles };
-        search.ensure(primitives, moving, (skins, margin + KEPT_PART * 2.0 * thickest));
+        search.ensure(primitives, moving, (skins, margin + CONTACT_HYSTERESIS * 2.0 * thickest));
         for candidate in search.close() {
-            let most = (1.0 + KEPT_PART) * candidate.largest_reach() + margin;
+            let most = (1.0 + CONTACT_HYSTERESIS) * candidate.largest_reach() + margin;
             if candidate.least_distance(&search.moved) > most {
                 continue;
             }

@@ -1,6 +1,6 @@
-//! Trees over the clusters of each body: what is near in space comes into one cluster.
+//! Bounding volume hierarchies over clusters of neighbouring primitives, one for each body.
 //!
-//! A body is what edges and triangles join. Its tree is made once, and its boxes are fitted anew in each search: neighbours on
+//! A body is a connected mesh of edges and triangles. Its tree is built once, and its boxes are refitted in each search: neighbours on
 //! a mesh stay neighbours (van den Bergen, *Efficient collision detection of complex deformable models using AABB trees*,
 //! 1997). It follows from the mesh alone, so that pairs are always found in the same order: the coordinates by which items
 //! are divided are their distances along the mesh, in steps, from three vertices that are far from each other. Each vertex

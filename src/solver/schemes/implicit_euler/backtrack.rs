@@ -1,10 +1,10 @@
 //! Steps that end with stretched springs, because some of their particles were stopped and others were not.
 //!
-//! What keeps surfaces apart after a step knows nothing of springs. Where it has stopped single particles of a stiff net, the
-//! elastic energy may be many times what there was; the next steps would set it free. Such a step is solved again, with these
-//! particles held where they were stopped. Where that does not help, it is shortened, as in a backtracking line search: all
-//! particles of the island, or of the islands that were solved together, go the same part of their ways, so that none is
-//! stretched by what stopped another one. Their velocities stay those after the impact, as far as there is energy for them.
+//! The final check that keeps surfaces apart does not solve for springs. Where it has stopped single particles of a stiff net, the
+//! elastic energy may be many times that before, and the next steps would turn it into motion. Such a step is solved again, with these
+//! particles held where they were stopped. Where that does not help, it is shortened, as in a backtracking line search: the displacements
+//! of all particles of the island, or of the islands that were solved together, are scaled by one factor, so that no spring is stretched
+//! because one of its ends was stopped. Their velocities stay those after the impact, as far as the energy allows.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -124,7 +124,7 @@ impl Island {
         let allowed =
             (kinetic + potential).max(solved) + MAX_GAIN * kinetic + self.slots().map(fall).sum::<f64>();
         let present = self.energy_of(step, particles, [&particles.position, &particles.velocity]);
-        // Neither of NaN.
+        // `None` for NaN.
         (present.into_iter().sum::<f64>() > allowed).then_some(allowed)
     }
 
@@ -178,7 +178,7 @@ impl Island {
         }
     }
 
-    /// Has all its particles go the same part of their ways, or none of it, with at most the energy `allowed`, J.
+    /// Scales the displacements of all its particles by one factor, possibly 0, with at most the energy `allowed`, J.
     fn shorten(
         &self,
         step: Step,

@@ -6,7 +6,7 @@ use super::Island;
 use super::contact::Contact;
 use super::contacts::{Contacts, longest_way};
 
-/// The longest correction of what touches something, as a part of the longest way of a particle in free flight.
+/// The longest correction of what touches something, as a part of the longest displacement of a particle in free flight.
 const MAX_DRIFT: f64 = 0.02;
 
 /// The sine of the angle between two normals that are taken for different ones.

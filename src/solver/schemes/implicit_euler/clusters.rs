@@ -1,4 +1,4 @@
-//! Islands that run into each other, or into themselves, are solved together.
+//! Islands that collide with each other, or with themselves, are solved together.
 //!
 //! Each island is advanced by itself first, so that it moves to the bit as it would alone while it touches none. Where
 //! particles have met on the way, their islands go back to the start of the step and are advanced as one, with

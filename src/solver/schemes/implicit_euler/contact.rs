@@ -11,9 +11,11 @@ use crate::solver::graph::Linked;
 /// K of contacts of surfaces, at most, as a multiple of the inertia.
 const SURFACE_STIFFENING: f64 = 100.0;
 
-/// The part of its room from which on a contact of surfaces becomes stiffer, and by what: the springs of a stiff net, or a heavy one,
-/// push a light one through softer contacts.
+/// Fraction of the allowed penetration above which a surface contact is stiffened: the springs of a stiff net, or a heavy net, push a light
+/// one through softer contacts.
 const DEEP_PART: f64 = 0.5;
+
+/// Factor of that stiffening.
 const HARDENING: f64 = 30.0;
 
 /// A particle that touches an obstacle or another particle, or may in this step.
@@ -56,8 +58,8 @@ pub(super) struct Contact {
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
     pub friction: f64,
-    /// How far it may go beyond `allowed` until surfaces are stopped, m; infinite of others.
-    pub room: f64,
+    /// The allowed penetration: how far it may go beyond `allowed` until surfaces are stopped, m; infinite for other contacts.
+    pub max_depth: f64,
     /// By how much K is greater than that of others.
     pub hardness: f64,
 }
@@ -121,7 +123,7 @@ impl Contact {
             rubbed: Rubbed::default(),
             restitution: 0.0,
             friction: 0.0,
-            room: f64::INFINITY,
+            max_depth: f64::INFINITY,
             hardness: 1.0,
         }
     }
@@ -140,7 +142,7 @@ impl Contact {
 
     /// Makes it stiffer if it yields so far that the surfaces would soon be stopped where they are, and keeps its force; whether it is.
     pub fn harden(&mut self) -> bool {
-        let is_deep = self.force > 0.0 && self.depth > DEEP_PART * self.room;
+        let is_deep = self.force > 0.0 && self.depth > DEEP_PART * self.max_depth;
         if is_deep {
             self.multiplier = self.force;
             self.hardness *= HARDENING;

@@ -5,11 +5,11 @@
 //! step, and a <= 0 an overlap that it has had from the start: the active set of a quadratic penalty, which
 //! Newton's method finds like every other minimum (a semi-smooth Newton method: Hintermüller, Ito and Kunisch,
 //! *SIAM J. Optim.* 13, 865, 2002). K begins at [`STIFFENING`] times the inertia of the particle, and grows until
-//! nothing enters an obstacle by more than [`SOFTNESS`] of the longest way of the step: a continuation, as the active
+//! nothing enters an obstacle by more than [`SOFTNESS`] of the longest displacement of the step: a continuation, as the active
 //! set is found in fewer steps from a softer one; and each solution adds the force of the one before, so that little
 //! depth is left (the augmented Lagrangian: Hestenes, *J. Optim. Theory Appl.* 4, 303, 1969). The other particles of
-//! the island know of the contact within the same step, so that no spring is compressed by it. A barrier (Li et al., *Incremental potential contact*, 2020) would have to be resolved by many more Newton
-//! steps, and would push from a distance.
+//! the island respond to the contact within the same step, so that no spring is compressed by it. A barrier (Li et al., *Incremental
+//! potential contact*, 2020) would take many more Newton steps, and would push from a distance.
 //!
 //! Coulomb friction is lagged (Li et al., 2020, section 5): the step is solved, then again with a potential μ N φ(‖u‖)
 //! of the slip u along the surface, where N is the normal force of the last solution and φ is ‖u‖, but
@@ -32,18 +32,22 @@ use crate::solver::graph::{Elimination, Exclusions};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
 
-/// What may be left of a way into an obstacle, as a part of the longest way of the step.
+/// What may be left of a way into an obstacle, as a part of the longest displacement of the step.
 const SOFTNESS: f64 = 1e-4;
 
-/// K at first, as a multiple of the inertia m/h² + ν/h of the particle; and by what it grows.
+/// K at first, as a multiple of the inertia m/h² + ν/h of the particle.
 const STIFFENING: f64 = 1e3;
+
+/// Factor by which K grows from one solution to the next.
 const GROWTH: f64 = 30.0;
 
 /// Number of solutions of a step in search of its contacts, at most.
 const MAX_PASSES: usize = 5;
 
-/// The same where surfaces touch, and the number of Newton steps of the last one: few of these are solved to the end.
+/// The same where surfaces touch: few of these are solved until they converge.
 pub(super) const MAX_SURFACE_PASSES: usize = 2;
+
+/// Number of Newton steps of the last solution where surfaces touch, at most.
 const MAX_SURFACE_STEPS: usize = 12;
 
 /// Number of solutions after which no contact of surfaces becomes stiffer any more.
@@ -61,7 +65,7 @@ const FRICTION_PASSES: usize = 2;
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
 
-/// How far, as a multiple of the longest way of a particle of the island in free flight, obstacles are
+/// How far, as a multiple of the longest displacement of a particle of the island in free flight, obstacles are
 /// looked for.
 const REACH: f64 = 4.0;
 
@@ -366,7 +370,7 @@ impl Contacts {
     }
 }
 
-/// The longest way of a node, m.
+/// The longest displacement of a node, m.
 pub(super) fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
     nodes.map(|node| end[node].distance_squared(start[node])).fold(0.0, f64::max).sqrt()
 }

@@ -1,9 +1,9 @@
 //! Contacts that couple nodes which are eliminated directly: those of the edges of ropes.
 //!
 //! A contact at the point Σ wᵢ xᵢ adds the block B wᵢ wⱼ between each two of its nodes. Between nodes of the core it is one more
-//! compound of that. Where one of two is eliminated, and the other is its parent, as along an edge of a rope, the block is a
-//! part of what couples the two already. Where it is neither, the coupling is replaced by blocks of the single nodes that
-//! are more than it, 2 wᵢ wⱼ xᵢ·xⱼ <= wᵢ wⱼ (‖xᵢ‖² + ‖xⱼ‖²): steps are shorter then, but lead to the same place.
+//! compound of the core. Where one of two is eliminated, and the other is its parent, as along an edge of a rope, the block is added to
+//! the one that couples the two already. Otherwise the coupling is replaced by an upper bound in blocks of the single
+//! nodes, 2 wᵢ wⱼ xᵢ·xⱼ <= wᵢ wⱼ (‖xᵢ‖² + ‖xⱼ‖²): Newton steps are shorter then, but converge to the same solution.
 
 use super::block::Symmetric;
 use super::system::System;

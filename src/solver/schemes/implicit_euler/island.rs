@@ -1,5 +1,4 @@
-//! What is known of an island besides its equations: where it is anchored, what it does not collide with, and what it
-//! publishes.
+//! An island besides its equations: its pinned particles, the pairs that do not collide, and what it publishes.
 
 use super::Island;
 use crate::solver::elements::Elements;
@@ -63,7 +62,7 @@ impl Island {
             pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
         }
         for node in system.contacts.held_nodes() {
-            pulls.touch(elimination.slots[node] as usize);
+            pulls.set_touching(elimination.slots[node] as usize);
         }
     }
 }

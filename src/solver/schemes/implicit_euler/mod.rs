@@ -8,7 +8,7 @@
 //!
 //! where y is where the particle flies without elements, and s is the separation of an element. The last sum is
 //! the dampers: their elongation rate is (‖s'‖ − ‖s‖)/h, and their force acts along the element as it is in the
-//! end, so that momentum and angular momentum know nothing of it. Pinned particles are where they will be.
+//! end, so that it conserves momentum and angular momentum. Pinned particles are where they will be.
 //!
 //! The two stages of TR-BDF2 are such steps too (`tr_bdf2.rs`).
 //!
@@ -83,7 +83,7 @@ struct Island {
     surfaces: Vec<StiffContact>,
     node_of: Vec<u32>,
     stages: Stages,
-    /// What of it collides between its particles.
+    /// Its edges and triangles that collide.
     features: IslandFeatures,
 }
 

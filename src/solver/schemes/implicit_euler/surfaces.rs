@@ -7,8 +7,8 @@ use super::contact::{Contact, Partner};
 use super::contacts::{Contacts, MAX_SURFACE_PASSES, Motion, RECOVERY_SPEED};
 use crate::solver::collision::StiffContact;
 
-/// The room of a contact that begins where surfaces are stopped, as a part of its reach.
-const LEAST_ROOM: f64 = 0.02;
+/// Least allowed penetration, as a fraction of the contact distance: of a contact that begins where surfaces are stopped.
+const MIN_DEPTH: f64 = 0.02;
 
 impl Contacts {
     /// Adds contacts of surfaces; `node_of` has the nodes of their free corners.
@@ -46,7 +46,7 @@ impl Contacts {
                 radius: 0.5 * reach,
                 inertia: 1.0 / nodes().map(|(node, weight)| weight * weight / inertia[node]).sum::<f64>(),
                 allowed,
-                room: (allowed + reach - contact.least).max(LEAST_ROOM * reach),
+                max_depth: (allowed + reach - contact.least).max(MIN_DEPTH * reach),
                 origin: begin - pinned_way,
                 approach: -(sum(flight) - begin + pinned_way).dot(normal) / h,
                 normal,

@@ -1,9 +1,9 @@
 //! A step of backward Euler that ends with more energy than it began with.
 //!
-//! Solved to the end a step dissipates: of a convex potential E' <= E. Broken off it may not, as where the contacts of a sheet
-//! on a curved collider are more than Newton's method finds, and a rebound from there, by one linear solution, gains many
-//! times what there was. Then the rebound is left out. Where elements have more than there was, the step ends before they do; and
-//! what is still too much is taken from the motion relative to the centre of mass, so that momentum stays.
+//! A converged step dissipates: E' <= E for a convex potential. A step that has not converged may gain energy, as where a sheet on a
+//! curved collider has more contacts than Newton's method finds in its iterations, and the rebound, which is one linear solution from
+//! there, may gain many times the energy before. Then the rebound is left out. Where the elements alone have more energy than before, the
+//! step is shortened; the remaining excess is taken from the motion relative to the centre of mass, so that momentum is kept.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -79,7 +79,7 @@ impl Island {
         let [kinetic, potential] = self.energy(step, particles, motion);
         let [old_kinetic, old_potential] = before;
         let allowed = old_kinetic + old_potential + MAX_GAIN * old_kinetic;
-        // Neither of NaN.
+        // `None` for NaN.
         (kinetic + potential > allowed).then_some(allowed)
     }
 

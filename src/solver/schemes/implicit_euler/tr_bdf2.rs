@@ -40,7 +40,7 @@ use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::graph::Elimination;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::pulls::{Knowledge, Pulls};
+use crate::solver::pulls::{Pulls, Validity};
 
 /// s/h = 1 − 1/√2.
 pub(super) const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
@@ -99,10 +99,10 @@ impl Stages {
         let free = &elimination.slots[..elimination.free];
         let mut is_known = true;
         for &slot in free {
-            match pulls.knowledge(slot as usize) {
-                Knowledge::Touching => return false,
-                Knowledge::Nothing => is_known = false,
-                Knowledge::Earlier | Knowledge::Present => {}
+            match pulls.validity(slot as usize) {
+                Validity::Touching => return false,
+                Validity::Unknown => is_known = false,
+                Validity::PreviousTick | Validity::CurrentTick => {}
             }
         }
         let motion_of = |slot: &u32| {
