@@ -5,7 +5,7 @@ mod stiff;
 mod stops;
 
 use crate::solver::air::Air;
-use crate::solver::collision::{Collider, ContactCaches, Skin, Surfaces};
+use crate::solver::collision::{Collider, ContactCaches, NearIslands, Skin, Surfaces};
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
@@ -36,6 +36,7 @@ pub(crate) struct Caches {
     planner: Planner,
     /// The pairs of islands that touch, if the plan depends on them: working memory.
     touching: Vec<[usize; 2]>,
+    near_islands: NearIslands,
     neighbours: Neighbours,
     nets: Nets,
     blocks: Blocks,

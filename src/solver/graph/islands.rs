@@ -3,6 +3,8 @@
 //! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
 //! exert no force.
 
+use std::ops::Range;
+
 use super::Linked;
 use super::reduction::Reduction;
 use crate::solver::buckets::Buckets;
@@ -16,6 +18,8 @@ pub(in crate::solver) struct Islands {
     /// The island of each slot; [`NO_ISLAND`] of a pinned particle and of one without elements.
     of_slot: Vec<u32>,
     islands: Vec<Island>,
+    /// Slots in a row of one island, and that.
+    runs: Vec<(Range<u32>, usize)>,
     key: (Version, Version),
 }
 
@@ -92,6 +96,13 @@ impl Islands {
             }
             *island
         }));
+        self.runs.clear();
+        for (slot, island) in (0..).zip(&self.of_slot).filter(|(_, island)| **island != NO_ISLAND) {
+            match self.runs.last_mut().filter(|(slots, last)| slots.end == slot && *last == *island as usize) {
+                Some((slots, _)) => slots.end = slot + 1,
+                None => self.runs.push((slot..slot + 1, *island as usize)),
+            }
+        }
     }
 
     /// Finds out which islands with bends, an end of each of which is listed, are not solved directly.
@@ -132,6 +143,11 @@ impl Islands {
     /// All islands.
     pub fn all(&self) -> &[Island] {
         &self.islands
+    }
+
+    /// The slots of all islands in ranges as long as possible, in order, each with its island.
+    pub fn runs(&self) -> &[(Range<u32>, usize)] {
+        &self.runs
     }
 
     /// The island of a free particle; `None` without elements.

@@ -16,8 +16,8 @@ use super::super::material::Skin;
 /// Which part of the longest way of a particle in free flight elements may add to its way in a tick, as far as schemes are chosen by
 /// it, and up to the greatest thickness; and the part of its reach within which a pair that has touched counts as touching, so that schemes do not change to and
 /// fro where nets bounce on each other.
-const UNKNOWN_PART: f32 = 0.25;
-const KEPT_PART: f32 = 0.5;
+pub(in crate::solver::collision) const UNKNOWN_PART: f32 = 0.25;
+pub(in crate::solver::collision) const KEPT_PART: f32 = 0.5;
 
 /// A point of one surface that is not to come nearer to a point of another one than they touch, along a direction that is fixed
 /// for a step.
