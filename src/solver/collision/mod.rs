@@ -10,6 +10,7 @@
 //! `touch.rs` the three kinds of contact, `solve.rs` in which order they are solved. Of colliders: `collider.rs` where they are,
 //! `shapes/` what they look like, `material.rs` how they rebound, `touch_search.rs` which particles touch them, `feature_search.rs` which edges and
 //! triangles, `guard.rs` what would pass through, `presence.rs` what sleep asks of them. `rest.rs`: what stays where it is.
+//! `near_islands.rs` and `reach.rs`: which islands touch, by which schemes are chosen.
 
 mod bodies;
 mod broad_phase;
@@ -30,6 +31,7 @@ mod obstacles;
 mod pairs;
 mod plane;
 mod presence;
+mod reach;
 mod record;
 mod regions;
 mod response;
@@ -60,12 +62,13 @@ use guard::Guard;
 pub(super) use material::skin_of;
 pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
-pub(super) use near_islands::{NearIslands, Scene};
+pub(super) use near_islands::NearIslands;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
 pub use plane::Pose;
 use plane::{PlaneContact, Surface};
 pub(super) use presence::Presence;
+pub(super) use reach::Scene;
 pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
 pub use shapes::{MeshError, MeshKind, Shape};

@@ -1,75 +1,27 @@
 //! Which islands have particles that touch when a tick begins, or may in it: schemes are chosen by that.
 //!
 //! Most islands are far from all others. So their boxes come first: islands whose boxes overlap are a *crowd*, and particles are
-//! looked at only in crowds of stiff and soft islands, and of these only those in what a box has in common with others. All of
-//! it is found anew in each tick, and a function of the state.
+//! looked at only in crowds of stiff and soft islands, and of these only those in what a box has in common with others. A loose
+//! particle between two islands, as a ball between two cushions, has them touch, too: else what one pushes it by would drive it
+//! into the other. All of it is found anew in each tick, and a function of the state.
 
 use bevy::math::{Vec3, Vec3A};
 
 use super::grid::Grid;
-use super::material::{Skin, skin_of};
+use super::reach::{Measure, Reach, Scene};
+use super::shapes::triangle::nearest_parameters;
 use super::surface::{Box3, KEPT_PART, UNKNOWN_PART};
-use crate::solver::graph::{Exclusions, Forest, IslandSet, Islands};
-use crate::solver::particles::Particles;
-use crate::solver::settings::StepSettings;
-
-/// What the search reads.
-#[derive(Clone, Copy)]
-pub(in crate::solver) struct Scene<'a> {
-    pub islands: &'a Islands,
-    pub particles: &'a Particles,
-    /// Whether the particle in each slot is no sphere of its own; empty if all are.
-    pub covered: &'a [bool],
-    /// The surfaces of particles by slot; of those beyond its end as of any.
-    pub skins: &'a [Skin],
-    pub settings: &'a StepSettings,
-}
-
-impl Scene<'_> {
-    fn is_sphere(&self, slot: usize) -> bool {
-        self.particles.radius()[slot] > 0.0 && self.covered.get(slot) != Some(&true)
-    }
-
-    /// Where a particle is, and how far it goes in free flight in the tick, m.
-    fn flight(&self, slot: usize) -> [Vec3; 2] {
-        let StepSettings { time_step, gravity, .. } = *self.settings;
-        let velocity = self.particles.velocity.get(slot) + time_step * gravity;
-        [self.particles.position.get(slot), time_step * velocity]
-    }
-
-    fn may_meet(&self, one: u32, other: u32) -> bool {
-        let layers = |slot: u32| skin_of(self.skins, slot as usize).layers;
-        (self.skins.is_empty() || layers(one).meet(layers(other)))
-            && !Exclusions::are_of_one_family(self.particles.families(), one, other)
-    }
-}
-
-/// What an island may reach in the tick.
-#[derive(Debug, Clone, Copy)]
-struct Reach {
-    /// That of the centres, m.
-    bounds: Box3,
-    /// m.
-    thickest: f32,
-    /// What its box has in common with those of others, margins included, m.
-    shared: Box3,
-}
-
-impl Reach {
-    const NOTHING: Self = Self { bounds: Box3::NOTHING, thickest: 0.0, shared: Box3::NOTHING };
-
-    fn grown(&self, margin: f32) -> Box3 {
-        self.bounds.grown((1.0 + KEPT_PART) * self.thickest + 0.5 * margin)
-    }
-}
+use crate::solver::graph::{Forest, IslandSet};
 
 /// The search; its arrays are kept.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct NearIslands {
     /// By island.
     reaches: Vec<Reach>,
-    /// What a particle may add to its way in the tick, m.
+    /// What two particles may add to their ways in the tick, m.
     margin: f32,
+    /// By how much more than they reach boxes are larger on each side, m.
+    box_margin: f32,
     /// The islands of spheres, sorted along an axis.
     order: Vec<(f32, u32)>,
     crowds: Forest,
@@ -80,6 +32,8 @@ pub(in crate::solver) struct NearIslands {
     touching: Forest,
     grid: Grid,
     near: Vec<(u32, u32)>,
+    /// Loose particles and the islands that they touch.
+    between: Vec<(usize, usize)>,
 }
 
 impl NearIslands {
@@ -94,15 +48,26 @@ impl NearIslands {
             forest.reset(count);
             touching.iter().for_each(|[one, other]| _ = forest.join(*one, *other));
         }
-        let mut longest = 0.0;
-        pulp::Arch::new().dispatch(Measure { scene, reaches: &mut self.reaches, longest: &mut longest });
+        let (mut longest, mut loose) = ([0.0; 2], Reach::NOTHING);
+        pulp::Arch::new().dispatch(Measure {
+            scene,
+            reaches: &mut self.reaches,
+            loose: &mut loose,
+            longest: &mut longest,
+        });
         let thickest = self.reaches.iter().map(|reach| reach.thickest).fold(0.0, f32::max);
-        self.margin = (UNKNOWN_PART * longest).min(2.0 * thickest);
+        self.margin = (UNKNOWN_PART * longest[0]).min(2.0 * thickest);
+        // A loose particle may touch one at the start of its way, and another one at its end.
+        let between = match loose.thickest > 0.0 {
+            true => (1.0 + KEPT_PART) * loose.thickest + 0.5 * (self.margin + longest[1]),
+            false => 0.0,
+        };
+        self.box_margin = 0.5 * self.margin + between;
         self.find_crowds();
     }
 
     fn find_crowds(&mut self) {
-        let Self { reaches, margin, order, crowds, .. } = self;
+        let Self { reaches, box_margin: margin, order, crowds, .. } = self;
         let all = reaches.iter().fold(Box3::NOTHING, |all, reach| all.union(reach.bounds));
         let axis = (all.most - all.least).max_position();
         order.clear();
@@ -128,103 +93,238 @@ impl NearIslands {
     /// Appends to `touching` pairs of islands that join all that touch in crowds in which some are `stiff` and some are not; in
     /// crowds that have been looked at none.
     pub fn find(&mut self, scene: Scene, stiff: &IslandSet, touching: &mut Vec<[usize; 2]>) {
-        let Self { reaches, margin, crowds, kinds, is_searched, touching: sets, grid, near, .. } = self;
-        kinds.clear();
-        kinds.resize(reaches.len(), [false; 2]);
-        (0..reaches.len())
-            .for_each(|island| kinds[crowds.root(island)][usize::from(stiff.contains_island(island))] = true);
-        let is_mixed = |root: usize| kinds[root] == [true; 2] && !is_searched[root];
-        if !(0..reaches.len()).any(is_mixed) {
+        if !self.choose(stiff) {
             return;
         }
+        self.find_spheres(scene);
+        let Self { margin, touching: sets, near, between, .. } = self;
+        let mut join = |one: usize, other: usize| {
+            if sets.join(one, other) {
+                touching.push([one, other]);
+            }
+        };
+        between.clear();
         let Scene { islands, particles, .. } = scene;
-        let runs = islands.runs().iter().filter(|(_, island)| is_mixed(crowds.root(*island)));
-        let slots = runs.flat_map(|(slots, island)| slots.clone().map(|slot| (slot as usize, *island)));
-        let spheres = slots.filter(|(slot, _)| scene.is_sphere(*slot)).filter_map(|(slot, island)| {
-            let [start, way] = scene.flight(slot);
-            let reach = (1.0 + KEPT_PART) * particles.radius()[slot] + 0.5 * *margin;
+        for slots in near.iter().map(|(one, other)| [*one, *other].map(|slot| slot as usize)) {
+            let reach = particles.radius()[slots[0]] + particles.radius()[slots[1]];
+            if nearest(slots.map(|slot| scene.flight(slot))) > (1.0 + KEPT_PART) * reach + *margin {
+                continue;
+            }
+            match slots.map(|slot| islands.of(slot)) {
+                [Some(one), Some(other)] => join(one, other),
+                [Some(island), None] => between.push((slots[1], island)),
+                [None, Some(island)] => between.push((slots[0], island)),
+                [None, None] => {}
+            }
+        }
+        between.sort_unstable();
+        for pair in between.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            join(pair[0].1, pair[1].1);
+        }
+    }
+
+    /// Chooses the islands of which particles are looked at; whether there are any.
+    fn choose(&mut self, stiff: &IslandSet) -> bool {
+        let Self { reaches, crowds, kinds, is_searched, .. } = self;
+        kinds.clear();
+        kinds.resize(reaches.len(), [false; 2]);
+        for island in 0..reaches.len() {
+            kinds[crowds.root(island)][usize::from(stiff.contains_island(island))] = true;
+        }
+        for (island, reach) in reaches.iter_mut().enumerate() {
+            let root = crowds.root(island);
+            reach.is_wanted = kinds[root] == [true; 2] && !is_searched[root];
+        }
+        for (done, kinds) in is_searched.iter_mut().zip(kinds) {
+            *done |= *kinds == [true; 2];
+        }
+        reaches.iter().any(|reach| reach.is_wanted)
+    }
+
+    /// Lists pairs of particles of different islands, or of an island and none, that may touch.
+    fn find_spheres(&mut self, scene: Scene) {
+        let Self { reaches, margin, box_margin, grid, near, .. } = self;
+        let Scene { islands, particles, .. } = scene;
+        let wanted = reaches.iter().filter(|reach| reach.is_wanted);
+        let of_all = wanted.fold(Box3::NOTHING, |all, reach| all.union(reach.shared));
+        let runs = islands.runs().iter().filter_map(|(slots, island)| match island {
+            Some(island) => reaches[*island].is_wanted.then_some((slots, reaches[*island].shared)),
+            None => Some((slots, of_all)),
+        });
+        let slots = runs.flat_map(|(slots, shared)| slots.clone().map(move |slot| (slot, shared)));
+        let spheres = slots.filter_map(|(slot, shared)| {
+            let number = slot as usize;
+            let ([start, way], reach) =
+                (scene.flight(number), (1.0 + KEPT_PART) * particles.radius()[number]);
             let ends = [start, start + way].map(Vec3A::from);
-            let swept = Box3 { least: ends[0].min(ends[1]), most: ends[0].max(ends[1]) }.grown(reach);
-            let sphere = (slot as u32, start + 0.5 * way, reach + 0.5 * way.length());
+            let swept = Box3 { least: ends[0].min(ends[1]), most: ends[0].max(ends[1]) };
+            let sphere = (slot, start + 0.5 * way, reach + 0.5 * (*margin + way.length()));
             let is_finite = sphere.1.is_finite() && sphere.2.is_finite();
-            (is_finite && swept.overlaps(&reaches[island].shared)).then_some(sphere)
+            let is_near = scene.is_sphere(number) && swept.grown(reach + *box_margin).overlaps(&shared);
+            (is_finite && is_near).then_some(sphere)
         });
         let may_touch = |one: u32, other: u32| {
             islands.of(one as usize) != islands.of(other as usize) && scene.may_meet(one, other)
         };
         grid.find_pairs(spheres, (may_touch, |_| false), near);
-        for slots in near.iter().map(|(one, other)| [*one, *other].map(|slot| slot as usize)) {
-            let [Some(one), Some(other)] = slots.map(|slot| islands.of(slot)) else { continue };
-            if sets.root(one) == sets.root(other) {
-                continue;
-            }
-            let [[start, way], [other_start, other_way]] = slots.map(|slot| scene.flight(slot));
-            let reach = particles.radius()[slots[0]] + particles.radius()[slots[1]];
-            let most = (1.0 + KEPT_PART) * reach + *margin;
-            if nearest(start - other_start, way - other_way) <= most {
-                sets.join(one, other);
-                touching.push([one, other]);
-            }
-        }
-        let searched = kinds.iter().map(|kinds| *kinds == [true; 2]);
-        is_searched.iter_mut().zip(searched).for_each(|(done, searched)| *done |= searched);
     }
 }
 
-/// The least length of a separation on its straight way from `start`.
-fn nearest(start: Vec3, way: Vec3) -> f32 {
-    let square = way.length_squared();
-    let time = if square > 0.0 { (-start.dot(way) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (start + time * way).length()
+/// The least distance of two straight ways, each from a place. Not at the same time: what one touches may stop it before the other
+/// comes.
+fn nearest(ways: [[Vec3; 2]; 2]) -> f32 {
+    let ends = ways.map(|[start, way]| [start, start + way].map(|end| end.as_dvec3()));
+    let [one, other] = nearest_parameters(ends[0], ends[1]);
+    let [first, second] = ends.map(|[start, end]| move |part: f64| start.lerp(end, part));
+    first(one).distance(second(other)) as f32
 }
 
-/// Finds what the islands with spheres may reach, and the longest way of a particle of theirs, at most, m.
-struct Measure<'a> {
-    scene: Scene<'a>,
-    reaches: &'a mut [Reach],
-    longest: &'a mut f32,
-}
+#[cfg(test)]
+mod tests {
+    use super::super::material::{Layers, Skin};
+    use super::*;
+    use crate::solver::elements::{Elements, Spring};
+    use crate::solver::graph::Islands;
+    use crate::solver::particles::Particles;
+    use crate::solver::settings::StepSettings;
 
-impl pulp::WithSimd for Measure<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { scene, reaches, longest } = self;
-        let Scene { islands, particles, settings: StepSettings { time_step, gravity, .. }, .. } = scene;
-        let falls = Vec3A::from(*time_step * *gravity);
-        for (slots, island) in islands.runs() {
-            let slots = slots.start as usize..slots.end as usize;
-            if !slots.clone().any(|slot| scene.is_sphere(slot)) {
-                continue;
+    /// Islands of two particles each, of a radius of 0.1 m, 0.3 m apart along z.
+    fn pairs(places: &[(Vec3, Vec3)]) -> (Particles, Islands) {
+        let (mut particles, mut elements) = (Particles::default(), Elements::default());
+        for (number, (place, velocity)) in (0..).zip(places) {
+            for z in [0.0, 0.3] {
+                particles.push(*place + z * Vec3::Z, *velocity, 1.0, 0.1);
             }
-            let box_of = |axes: [&[f32]; 3]| {
-                let extremes = axes.map(|axis| extremes(simd, &axis[slots.clone()]));
-                let [least, most] = [0, 1].map(|side| Vec3A::from_array(extremes.map(|axis| axis[side])));
-                Box3 { least, most }
+            let spring = Spring { rest_length: 0.3, stiffness: 1.0, ..Spring::default() };
+            elements.push([2 * number, 2 * number + 1], spring);
+        }
+        let mut islands = Islands::default();
+        islands.refresh(&elements, &particles);
+        (particles, islands)
+    }
+
+    fn find(scene: Scene, stiff: &[bool]) -> Vec<[usize; 2]> {
+        let (mut search, mut set, mut touching) = (NearIslands::default(), IslandSet::default(), Vec::new());
+        set.set(scene.islands, stiff.iter().copied(), false);
+        search.begin_tick(scene, &touching);
+        search.find(scene, &set, &mut touching);
+        let known = touching.len();
+        search.find(scene, &set, &mut touching);
+        assert_eq!(touching.len(), known, "each crowd is searched once");
+        touching
+    }
+
+    #[test]
+    fn a_soft_and_a_stiff_island_touch_that_meet_within_the_tick() {
+        let settings = &StepSettings { time_step: 0.1, ..StepSettings::default() };
+        for (place, velocity, expected) in [
+            (0.29, 0.0, true),
+            (0.31, 0.0, false),
+            // It flies 1 m, and may fly 0.2 m more, the greatest thickness.
+            (1.4, -10.0, true),
+            (1.6, -10.0, false),
+            (0.6, 10.0, false),
+            (0.4, f32::NAN, false),
+        ] {
+            let (particles, islands) =
+                pairs(&[(Vec3::ZERO, Vec3::ZERO), (Vec3::X * place, Vec3::X * velocity)]);
+            let scene =
+                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+            for stiff in [[true, false], [false, true]] {
+                assert_eq!(find(scene, &stiff).len(), usize::from(expected), "{place} m, {velocity} m/s");
+            }
+            assert!(find(scene, &[true; 2]).is_empty() && find(scene, &[false; 2]).is_empty());
+            let covered = &[true; 2][..];
+            assert!(find(Scene { covered, ..scene }, &[true, false]).is_empty(), "no spheres");
+            let skin = Skin { layers: Layers { memberships: 1, filters: 1 }, ..Skin::default() };
+            let other = Skin { layers: Layers { memberships: 2, filters: 2 }, ..skin };
+            let skins = &[skin, skin, other, other][..];
+            assert!(find(Scene { skins, ..scene }, &[true, false]).is_empty(), "layers that do not meet");
+        }
+    }
+
+    /// Two islands 1 m apart, and a ball of 0.3 m between them.
+    #[test]
+    fn a_loose_ball_between_two_has_them_touch() {
+        let settings = &StepSettings { time_step: 0.1, ..StepSettings::default() };
+        for (place, velocity, expected) in [
+            (Vec3::X * 0.5, Vec3::ZERO, true),
+            (Vec3::new(0.5, 0.8, 0.0), Vec3::ZERO, false),
+            (Vec3::new(0.5, 0.8, 0.0), Vec3::Y * -5.0, true),
+            (Vec3::X * -0.3, Vec3::ZERO, false),
+            // From the one to the other.
+            (Vec3::X * -0.3, Vec3::X * 10.0, true),
+        ] {
+            let (mut particles, mut islands) = pairs(&[(Vec3::ZERO, Vec3::ZERO), (Vec3::X, Vec3::ZERO)]);
+            particles.push(place, velocity, 1.0, 0.3);
+            let mut elements = Elements::default();
+            for ends in [[0, 1], [2, 3]] {
+                elements.push(ends, Spring { rest_length: 0.3, stiffness: 1.0, ..Spring::default() });
+            }
+            islands.refresh(&elements, &particles);
+            let scene =
+                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+            assert_eq!(find(scene, &[true, false]).len(), usize::from(expected), "{place}, {velocity}");
+            particles.set_inverse_mass(4, 0.0);
+            islands.refresh(&elements, &particles);
+            let scene = Scene { islands: &islands, particles: &particles, ..scene };
+            assert!(find(scene, &[true, false]).is_empty(), "a pinned one has not");
+        }
+    }
+
+    /// All that hangs together by touching pairs, some stiff and some soft, is joined, and by nothing but such pairs.
+    #[test]
+    fn it_finds_what_a_look_at_all_pairs_finds() {
+        let mut seed = 7_u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / (1 << 24) as f32
+        };
+        let settings = &StepSettings { time_step: 0.1, gravity: Vec3::NEG_Y, ..StepSettings::default() };
+        let (mut joined, mut apart) = (0, 0);
+        for size in [1.5, 3.0, 6.0, 6.0, 9.0] {
+            let mut vector = |size: f32| Vec3::new(random(), random(), random()) * size;
+            let places: Vec<_> = (0..60).map(|_| (vector(size), vector(2.0))).collect();
+            let (particles, islands) = pairs(&places);
+            let scene =
+                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+            let stiff: Vec<bool> = (0..60).map(|number| number % 3 == 0).collect();
+            let found = find(scene, &stiff);
+            let mut search = NearIslands::default();
+            search.begin_tick(scene, &[]);
+            let touch = |one: usize, other: usize| {
+                let slots = |island: usize| [2 * island, 2 * island + 1];
+                let pairs = slots(one).into_iter().flat_map(|a| slots(other).map(|b| [a, b]));
+                let most = (1.0 + KEPT_PART) * 0.2 + search.margin;
+                pairs.map(|pair| pair.map(|slot| scene.flight(slot))).any(|ways| nearest(ways) <= most)
             };
-            let (start, velocity) = (box_of(particles.position.axes()), box_of(particles.velocity.axes()));
-            let [least, most] = [velocity.least, velocity.most].map(|end| *time_step * (end + falls));
-            let end = Box3 { least: start.least + least, most: start.most + most };
-            let [_, radius] = extremes(simd, &particles.radius()[slots]);
-            let reach = &mut reaches[*island];
-            reach.bounds = reach.bounds.union(start).union(end);
-            reach.thickest = reach.thickest.max(radius);
-            let way = least.abs().max(most.abs()).length();
-            *longest = if way.is_finite() { longest.max(way) } else { *longest };
+            let [mut expected, mut actual] = [Forest::new(60), Forest::new(60)];
+            for one in 0..60 {
+                (one + 1..60)
+                    .filter(|other| touch(one, *other))
+                    .for_each(|other| _ = expected.join(one, other));
+            }
+            for [one, other] in found {
+                assert!(touch(one, other));
+                actual.join(one, other);
+            }
+            for (one, other) in (0..60).flat_map(|one| (0..one).map(move |other| (one, other))) {
+                if expected.root(one) == expected.root(other) && stiff[one] != stiff[other] {
+                    assert_eq!(actual.root(one), actual.root(other), "{one} and {other}");
+                    joined += 1;
+                }
+                apart += usize::from(actual.root(one) != actual.root(other));
+            }
         }
+        assert!(joined > 100 && apart > 100, "{joined} {apart}");
     }
-}
 
-/// The least and the greatest of some values; NaN is left out.
-#[inline(always)]
-fn extremes<S: pulp::Simd>(simd: S, values: &[f32]) -> [f32; 2] {
-    let (vectors, rest) = S::as_simd_f32s(values);
-    let (mut least, mut most) = (simd.splat_f32s(f32::INFINITY), simd.splat_f32s(f32::NEG_INFINITY));
-    for vector in vectors {
-        // The second operand where the first is NaN, on processors that tell them apart.
-        (least, most) = (simd.min_f32s(*vector, least), simd.max_f32s(*vector, most));
+    #[test]
+    fn the_least_distance_of_two_ways() {
+        let way = |way: Vec3| [[Vec3::new(3.0, 2.0, 0.0), way], [Vec3::ZERO, Vec3::X]];
+        assert_eq!(nearest(way(Vec3::X * -6.0)), 2.0, "past");
+        assert_eq!(nearest(way(Vec3::NEG_Y * 2.0)), 2.0, "not there yet");
+        assert_eq!(nearest([[Vec3::X * 3.0, Vec3::NEG_X], [Vec3::ZERO, Vec3::NEG_X]]), 2.0, "behind it");
+        assert_eq!(nearest([[Vec3::X * 3.0, Vec3::ZERO], [Vec3::ZERO, Vec3::ZERO]]), 3.0, "at rest");
     }
-    let ends = [simd.reduce_min_f32s(least), simd.reduce_max_f32s(most)];
-    rest.iter().fold(ends, |[least, most], value| [least.min(*value), most.max(*value)])
 }

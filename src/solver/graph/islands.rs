@@ -18,8 +18,8 @@ pub(in crate::solver) struct Islands {
     /// The island of each slot; [`NO_ISLAND`] of a pinned particle and of one without elements.
     of_slot: Vec<u32>,
     islands: Vec<Island>,
-    /// Slots in a row of one island, and that.
-    runs: Vec<(Range<u32>, usize)>,
+    /// Slots in a row of free particles of one island, or of none, and that.
+    runs: Vec<(Range<u32>, Option<usize>)>,
     key: (Version, Version),
 }
 
@@ -71,7 +71,7 @@ impl Islands {
                 forest.join(first, slot);
             }
         }
-        self.number(&mut forest, &joined);
+        self.number(&mut forest, &joined, particles);
         closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
         self.reduce(&bent, elements, particles);
         elements.for_each_acting(|Acting { ends, .. }| {
@@ -81,7 +81,7 @@ impl Islands {
         true
     }
 
-    fn number(&mut self, forest: &mut Forest, joined: &[bool]) {
+    fn number(&mut self, forest: &mut Forest, joined: &[bool], particles: &Particles) {
         let mut of_root = vec![NO_ISLAND; joined.len()];
         self.islands.clear();
         self.of_slot.clear();
@@ -97,10 +97,11 @@ impl Islands {
             *island
         }));
         self.runs.clear();
-        for (slot, island) in (0..).zip(&self.of_slot).filter(|(_, island)| **island != NO_ISLAND) {
-            match self.runs.last_mut().filter(|(slots, last)| slots.end == slot && *last == *island as usize) {
+        for slot in (0..joined.len()).filter(|slot| !particles.is_pinned(*slot)) {
+            let (island, slot) = (self.of(slot), slot as u32);
+            match self.runs.last_mut().filter(|(slots, last)| slots.end == slot && *last == island) {
                 Some((slots, _)) => slots.end = slot + 1,
-                None => self.runs.push((slot..slot + 1, *island as usize)),
+                None => self.runs.push((slot..slot + 1, island)),
             }
         }
     }
@@ -145,8 +146,8 @@ impl Islands {
         &self.islands
     }
 
-    /// The slots of all islands in ranges as long as possible, in order, each with its island.
-    pub fn runs(&self) -> &[(Range<u32>, usize)] {
+    /// The slots of all free particles in ranges as long as possible, in order, each with its island; `None` without elements.
+    pub fn runs(&self) -> &[(Range<u32>, Option<usize>)] {
         &self.runs
     }
 
