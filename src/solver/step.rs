@@ -6,7 +6,7 @@ mod stiff;
 mod stops;
 
 use crate::solver::air::Air;
-use crate::solver::collision::{Collider, ContactCaches, Skin, Surfaces};
+use crate::solver::collision::{Collider, ContactCaches, NearIslands, Skin, Surfaces};
 use crate::solver::elements::Balance;
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
@@ -41,6 +41,7 @@ pub(crate) struct Caches {
     planner: Planner,
     /// The pairs of islands that touch, if the plan depends on them: working memory.
     touching: Vec<[usize; 2]>,
+    near_islands: NearIslands,
     neighbours: Neighbours,
     nets: Nets,
     blocks: Blocks,

@@ -33,6 +33,7 @@ mod gas;
 mod implicit_euler;
 mod islands;
 mod lifecycle;
+mod mixed_contacts;
 mod mixture;
 mod net_breaking;
 mod order;

@@ -49,6 +49,12 @@ impl Body {
     pub fn moved(&self) -> Vec3A {
         self.position - self.previous
     }
+
+    /// The inverse mass with which contacts displace it, 1/kg: what an implicit step has put somewhere stays there.
+    #[inline]
+    pub fn displaced_inverse_mass(&self) -> f32 {
+        if self.implicit { 0.0 } else { self.inverse_mass }
+    }
 }
 
 /// Copies all particles; `previous` are their positions at the start of the substep.

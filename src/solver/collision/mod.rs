@@ -11,6 +11,7 @@
 //! their geometry, `material.rs` restitution, friction and layers, `touch_search.rs` which particles touch them, `feature_search.rs`
 //! which edges and triangles do, `guard.rs` what would pass through, `presence.rs` whether they have changed. `rest.rs`: what stays
 //! at rest.
+//! `near_islands.rs` and `reach.rs`: which islands touch, by which schemes are chosen.
 
 mod bodies;
 mod broad_phase;
@@ -26,10 +27,12 @@ mod list;
 mod material;
 mod memory;
 mod narrow;
+mod near_islands;
 mod obstacles;
 mod pairs;
 mod plane;
 mod presence;
+mod reach;
 mod record;
 mod regions;
 mod response;
@@ -60,11 +63,13 @@ use guard::Guard;
 pub(super) use material::skin_of;
 pub use material::{CombineRule, Layers, Material, Skin};
 pub use memory::ContactMemory;
+pub(super) use near_islands::NearIslands;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
 use pairs::PairContacts;
 pub use plane::Pose;
 use plane::{PlaneContact, Surface};
 pub(super) use presence::Presence;
+pub(super) use reach::Scene;
 pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
 pub use shapes::{MeshError, MeshKind, Shape};

@@ -224,6 +224,9 @@ const SPRUNG_CORRECTION: f32 = 0.01;
 /// Separates overlapping pairs, the lighter particle moving more; static friction puts both back to
 /// where they stuck. In a crowd what is more than undoing the approach of a pair in this substep is at most the part
 /// `recovery` of the sum of their radii, for all pairs of a particle together.
+///
+/// What an implicit step has put somewhere stays there, as elsewhere its springs would be stretched: the other one, of a net that
+/// an explicit scheme advances (see `narrow.rs`), gives way alone.
 pub(super) fn solve_positions(
     contacts: &mut PairContacts,
     groups: &mut Groups,
@@ -266,9 +269,15 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], rec
             let slip = tangential(first.moved() - second.moved(), contact.normal);
             correction += friction(slip, rules.friction * depth);
         }
-        let correction = correction * contact.reduced_mass;
-        first.position += correction * first.inverse_mass;
-        second.position -= correction * second.inverse_mass;
+        match [first.implicit, second.implicit] {
+            [true, false] => second.position -= correction,
+            [false, true] => first.position += correction,
+            _ => {
+                let correction = correction * contact.reduced_mass;
+                first.position += correction * first.inverse_mass;
+                second.position -= correction * second.inverse_mass;
+            }
+        }
         if contact.sprung {
             keep_angular_momentum(contact, distance, depth, [first, second]);
         }
@@ -308,8 +317,8 @@ pub(super) fn finish_velocities(
             }
             if contact.resting {
                 let impulse = contact.impulse() * reach;
-                upper.position += impulse * upper.inverse_mass;
-                lower.position -= impulse * lower.inverse_mass;
+                upper.position += impulse * upper.displaced_inverse_mass();
+                lower.position -= impulse * lower.displaced_inverse_mass();
             }
             let approach = (upper.velocity - lower.velocity).dot(contact.normal);
             if contact.supports && approach < 0.0 && upper.inverse_mass > 0.0 {

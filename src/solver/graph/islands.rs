@@ -3,6 +3,8 @@
 //! Pinned particles join nothing: what hangs on two sides of one moves independently. Nor do elements that
 //! exert no force.
 
+use std::ops::Range;
+
 use super::Linked;
 use super::reduction::Reduction;
 use crate::solver::buckets::Buckets;
@@ -16,6 +18,8 @@ pub(in crate::solver) struct Islands {
     /// The island of each slot; [`NO_ISLAND`] of a pinned particle and of one without elements.
     of_slot: Vec<u32>,
     islands: Vec<Island>,
+    /// Slots in a row of free particles of one island, or of none, and that.
+    runs: Vec<(Range<u32>, Option<usize>)>,
     key: (Version, Version),
 }
 
@@ -67,7 +71,7 @@ impl Islands {
                 forest.join(first, slot);
             }
         }
-        self.number(&mut forest, &joined);
+        self.number(&mut forest, &joined, particles);
         closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
         self.reduce(&bent, elements, particles);
         elements.for_each_acting(|Acting { ends, .. }| {
@@ -77,7 +81,7 @@ impl Islands {
         true
     }
 
-    fn number(&mut self, forest: &mut Forest, joined: &[bool]) {
+    fn number(&mut self, forest: &mut Forest, joined: &[bool], particles: &Particles) {
         let mut of_root = vec![NO_ISLAND; joined.len()];
         self.islands.clear();
         self.of_slot.clear();
@@ -92,6 +96,14 @@ impl Islands {
             }
             *island
         }));
+        self.runs.clear();
+        for slot in (0..joined.len()).filter(|slot| !particles.is_pinned(*slot)) {
+            let (island, slot) = (self.of(slot), slot as u32);
+            match self.runs.last_mut().filter(|(slots, last)| slots.end == slot && *last == island) {
+                Some((slots, _)) => slots.end = slot + 1,
+                None => self.runs.push((slot..slot + 1, island)),
+            }
+        }
     }
 
     /// Finds out which islands with bends, an end of each of which is listed, are not solved directly.
@@ -132,6 +144,11 @@ impl Islands {
     /// All islands.
     pub fn all(&self) -> &[Island] {
         &self.islands
+    }
+
+    /// The slots of all free particles in ranges as long as possible, in order, each with its island; `None` without elements.
+    pub fn runs(&self) -> &[(Range<u32>, Option<usize>)] {
+        &self.runs
     }
 
     /// The island of a free particle; `None` without elements.

@@ -1,7 +1,7 @@
 //! The scheme of nets that touch.
 
 use super::Caches;
-use crate::solver::collision::Skin;
+use crate::solver::collision::{Scene, Skin};
 use crate::solver::settings::StepSettings;
 use crate::solver::stability::Plan;
 use crate::solver::state::State;
@@ -17,14 +17,30 @@ impl Caches {
         skins: &[Skin],
         first: Plan,
     ) -> Plan {
-        if first.stiff_substeps == 0 {
+        if first.stiff_substeps == 0 || settings.pair_rules.is_none() {
             return first;
         }
-        let Self { planner, surfaces, touching, .. } = self;
+        let State { particles, elements, .. } = state;
+        let Self { planner, surfaces, touching, near_islands, .. } = self;
         touching.clear();
-        surfaces.find_touching(&state.particles, (settings, skins), |slots| {
-            planner.note_islands(slots, touching);
-        });
-        if touching.is_empty() { first } else { planner.plan_joined(&state.elements, settings, touching) }
+        surfaces.find_touching(particles, (settings, skins), |slots| planner.note_islands(slots, touching));
+        let covered = surfaces.covered();
+        let (islands, _) = planner.stiff_islands();
+        near_islands.begin_tick(Scene { islands, particles, covered, skins, settings }, touching);
+        let (mut plan, mut known) = (first, 0);
+        // A plan that divides them in another place may part others that touch.
+        loop {
+            if touching.len() > known {
+                known = touching.len();
+                plan = planner.plan_joined(elements, settings, touching);
+            }
+            if plan.stiff_substeps > 0 {
+                let (islands, stiff) = planner.stiff_islands();
+                near_islands.find(Scene { islands, particles, covered, skins, settings }, stiff, touching);
+            }
+            if touching.len() == known {
+                return plan;
+            }
+        }
     }
 }

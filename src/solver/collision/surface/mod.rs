@@ -46,6 +46,8 @@ use primitives::Primitives;
 use search::{Moving, Search};
 use solve::Touching;
 pub(in crate::solver) use stiff::StiffContact;
+pub(super) use stiff::{CONTACT_HYSTERESIS, MAX_ELEMENT_SHARE};
+pub(super) use tree::Box3;
 
 use super::material::Skin;
 use super::response::Rebound;

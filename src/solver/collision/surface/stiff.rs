@@ -15,11 +15,11 @@ use super::super::material::Skin;
 
 /// Upper estimate of the displacement by elements in a tick, as a fraction of the largest free-flight displacement. It only decides
 /// which nets take one scheme.
-const MAX_ELEMENT_SHARE: f32 = 0.25;
+pub(in crate::solver::collision) const MAX_ELEMENT_SHARE: f32 = 0.25;
 
 /// Beyond the contact distance, the fraction of it within which a pair counts as touching, so that schemes do not alternate where nets
 /// bounce on each other.
-const CONTACT_HYSTERESIS: f32 = 0.5;
+pub(in crate::solver::collision) const CONTACT_HYSTERESIS: f32 = 0.5;
 
 /// A point of one surface that is not to come nearer to a point of another one than they touch, along a direction that is fixed
 /// for a step.

@@ -19,7 +19,7 @@ pub(super) const CLUSTER: usize = 8;
 
 /// A box along the axes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Box3 {
+pub(in crate::solver::collision) struct Box3 {
     pub least: Vec3A,
     pub most: Vec3A,
 }
@@ -30,6 +30,17 @@ impl Box3 {
     #[inline(always)]
     pub fn union(self, other: Self) -> Self {
         Self { least: self.least.min(other.least), most: self.most.max(other.most) }
+    }
+
+    #[inline(always)]
+    pub fn intersection(self, other: Self) -> Self {
+        Self { least: self.least.max(other.least), most: self.most.min(other.most) }
+    }
+
+    /// It, larger on all sides.
+    #[inline(always)]
+    pub fn grown(self, margin: f32) -> Self {
+        Self { least: self.least - margin, most: self.most + margin }
     }
 
     #[inline(always)]
