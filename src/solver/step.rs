@@ -85,7 +85,8 @@ pub(crate) fn step(
         caches.rest(state, inputs, outputs, settings);
         return;
     }
-    caches.surfaces.begin_tick(&state.mesh, &state.elements, &state.particles, (settings, skins));
+    let nets = (&state.mesh, &state.elements, &state.particles);
+    caches.surfaces.begin_tick(&mut state.contacts, nets, (settings, skins));
     let plan = caches.plan_touching(state, settings, skins, plan);
     outputs.begin_tick(plan);
     caches.prepare(state, plan);

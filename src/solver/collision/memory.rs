@@ -2,6 +2,7 @@
 
 use super::broad_phase::BroadPhase;
 use super::pairs::Impulses;
+use super::surface::Grip;
 use crate::solver::state::Version;
 
 /// What is remembered of the contacts from tick to tick: a part of the state of a simulation.
@@ -24,6 +25,8 @@ pub struct ContactMemory {
     dormant: Vec<RememberedContact>,
     /// The entangled pairs of particles that sleep.
     dormant_entangled: Vec<[u32; 2]>,
+    /// Where surfaces stick to each other.
+    pub(super) grips: Vec<Grip>,
     /// Whether the particle in each slot was a sphere in the last search.
     pub(super) searched: Vec<bool>,
     pub(super) version: Version,
@@ -50,7 +53,7 @@ impl ContactMemory {
     fn is_empty(&self) -> bool {
         let Self { broad_phase, wide, age, crowded, contacts, entangled, dormant, dormant_entangled, .. } =
             self;
-        let any_contacts = !(contacts.is_empty() && dormant.is_empty());
+        let any_contacts = !(contacts.is_empty() && dormant.is_empty() && self.grips.is_empty());
         let any_entangled = !(entangled.is_empty() && dormant_entangled.is_empty());
         let has_searched =
             broad_phase.is_some() || *age > 0 || *wide || *crowded || !self.searched.is_empty();
@@ -101,6 +104,7 @@ impl ContactMemory {
     /// To be called when the particle in a slot is another one or was put elsewhere: its contacts are
     /// removed, and the particles on springs that it overlaps now do not collide with it until they part.
     pub fn clear_particle(&mut self, slot: usize) {
+        self.grips.retain(|grip| !grip.is_of(slot));
         if let Some(searched) = self.searched.get_mut(slot).filter(|searched| **searched) {
             *searched = false;
             self.request_search();
@@ -123,6 +127,7 @@ impl ContactMemory {
             entangled.retain_mut(new_pair);
             entangled.iter_mut().for_each(|pair| pair.sort_unstable());
         }
+        self.grips.retain_mut(|grip| grip.renumber(new_slot));
         let old = std::mem::replace(&mut self.searched, vec![false; count]);
         for (searched, new) in old.into_iter().zip(new_slots) {
             if let Some(place) = new.and_then(|new| self.searched.get_mut(new as usize)) {

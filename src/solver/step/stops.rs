@@ -2,7 +2,7 @@
 
 use super::stiff::surroundings;
 use super::{Caches, Inputs};
-use crate::solver::collision::{ContactCaches, ContactRecord, Substep, Surfaces};
+use crate::solver::collision::{ContactCaches, ContactMemory, ContactRecord, Substep, Surfaces};
 use crate::solver::field::Field;
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::Particles;
@@ -24,15 +24,16 @@ const MAX_SURFACE_ROUNDS: u32 = 8;
 /// Solves the contacts of surfaces, in turn with those of half-spaces; whether there are any. What is squeezed between a
 /// half-space and others ends above it.
 fn resolve_surfaces(
-    (contacts, surfaces): (&ContactCaches, &mut Surfaces),
+    (contacts, surfaces, memory): (&ContactCaches, &mut Surfaces, &mut ContactMemory),
     particles: &mut Particles,
     substep: Substep,
     mut records: Option<&mut Vec<ContactRecord>>,
 ) -> bool {
     let mut any = false;
+    surfaces.begin_contacts(memory, particles);
     for _ in 0..MAX_SURFACE_ROUNDS {
         // The impulses of later rounds are corrections of the first ones.
-        if !surfaces.resolve(particles, substep, contacts.implicit(), records.take()) {
+        if !surfaces.resolve(memory, particles, substep, contacts.implicit(), records.take()) {
             break;
         }
         any = true;
@@ -66,7 +67,7 @@ impl Caches {
         };
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
         self.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
-        let parts = (&self.contacts, &mut self.surfaces);
+        let parts = (&self.contacts, &mut self.surfaces, &mut state.contacts);
         let have_touched = resolve_surfaces(parts, &mut state.particles, substep, records);
         if self.contacts.have_moved() {
             self.scratch.disturb();

@@ -23,6 +23,8 @@ const SLOW_WAY: f32 = 0.5;
 pub(super) struct Contact {
     /// Slots, later the places of its particles among those that touch.
     pub places: [u32; 4],
+    /// The number of its pair among the candidates.
+    pub candidate: u32,
     /// Those of the first side add up to 1, those of the second to −1.
     pub weights: [f32; 4],
     /// From the second to the first.
@@ -40,6 +42,13 @@ pub(super) struct Contact {
     pub resting: bool,
     /// Whether springs pull at any of them.
     pub sprung: bool,
+    /// The overlap that it keeps in this substep, m.
+    pub overlap: f32,
+    /// What it has corrected of the positions in this substep: along the normal, m, >= 0, and by friction, m.
+    pub lifted: f32,
+    pub held: Vec3A,
+    /// How far it has slipped from where it sticks, before this substep, m.
+    pub slip: Vec3A,
 }
 
 /// What the examination of pairs reads.
@@ -191,8 +200,8 @@ impl Examination<'_> {
         Material::of_pair([material(candidate.slots[0]), material(candidate.slots[3])], self.rules)
     }
 
-    /// The contact of a pair, if it touches.
-    pub fn contact(&self, candidate: &Candidate) -> Option<Contact> {
+    /// The contact of the pair of this `number`, if it touches.
+    pub fn contact(&self, number: u32, candidate: &Candidate) -> Option<Contact> {
         let Self { moving: Moving { particles, .. }, acceleration, .. } = self;
         let Meeting { weights, normal, reach, gap } = self.meeting(candidate, self.rebound.slop)?;
         let [restitution, coefficient] = self.coefficients(candidate);
@@ -219,16 +228,16 @@ impl Examination<'_> {
         let sprung = candidate.slots.iter().any(|slot| self.on_mesh[*slot as usize]);
         (yields > 0.0).then(|| Contact {
             places: candidate.slots,
+            candidate: number,
             weights,
             normal,
             reach,
             target_velocity,
             mass: 1.0 / yields,
-            impulse: 0.0,
-            friction: Vec3A::ZERO,
             coefficient,
             resting,
             sprung,
+            ..Contact::default()
         })
     }
 }

@@ -22,7 +22,7 @@
 //! Neighbours on a mesh keep half of the way along it (`near.rs`), if that is less. Pairs that cross at the start, or are in one place, are
 //! ignored.
 //!
-//! The state has no part of this module: all of it is caches.
+//! What the next tick depends on is where surfaces stick to each other (`grip.rs`), which [`ContactMemory`] has: all else is caches.
 
 mod advance;
 mod closest;
@@ -30,6 +30,7 @@ mod confine;
 mod contact;
 mod finder;
 mod follow;
+mod grip;
 mod near;
 mod pair;
 mod primitives;
@@ -42,6 +43,8 @@ mod tree;
 use advance::Advance;
 use confine::{ATTEMPTS, Confinement};
 use contact::{Contact, Examination};
+pub(super) use grip::Grip;
+use grip::Grips;
 use primitives::Primitives;
 use search::{Moving, Search};
 use solve::Touching;
@@ -51,7 +54,7 @@ pub(super) use tree::Box3;
 
 use super::material::Skin;
 use super::response::Rebound;
-use super::{ContactPartner, ContactRecord, Substep};
+use super::{ContactMemory, ContactPartner, ContactRecord, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
@@ -72,6 +75,7 @@ pub(in crate::solver) struct Surfaces {
     /// Where an implicit step would end, m.
     end: Vectors,
     contacts: Vec<Contact>,
+    grips: Grips,
     bodies: Vec<Touching>,
     /// The place of each slot among the bodies.
     places: Vec<u32>,
@@ -86,9 +90,8 @@ impl Surfaces {
     /// To be called at the start of a tick.
     pub fn begin_tick(
         &mut self,
-        mesh: &CollisionMesh,
-        elements: &Elements,
-        particles: &Particles,
+        memory: &mut ContactMemory,
+        (mesh, elements, particles): (&CollisionMesh, &Elements, &Particles),
         (settings, skins): (&StepSettings, &[Skin]),
     ) {
         let any = settings.pair_rules.is_some();
@@ -102,6 +105,7 @@ impl Surfaces {
         }
         self.is_active = any && self.primitives.any;
         if !self.is_active {
+            memory.grips.clear();
             self.contacts.clear();
             self.bodies.clear();
             self.advance.clear();
@@ -131,10 +135,18 @@ impl Surfaces {
         self.advance.stopped().iter().for_each(|slot| visit(*slot as usize));
     }
 
+    /// To be called before the contacts of a substep are solved for the first time.
+    pub fn begin_contacts(&mut self, memory: &mut ContactMemory, particles: &Particles) {
+        if self.is_active {
+            self.grips.take(&mut memory.grips, particles.len());
+        }
+    }
+
     /// Solves the contacts at the end of a substep, and appends them to `records`; whether there are any. Those of particles that
     /// are all in islands of an implicit step, which has them, are left out.
     pub fn resolve(
         &mut self,
+        memory: &mut ContactMemory,
         particles: &mut Particles,
         substep: Substep,
         is_implicit: &[bool],
@@ -142,6 +154,7 @@ impl Surfaces {
     ) -> bool {
         self.contacts.clear();
         self.bodies.clear();
+        memory.grips.clear();
         let Substep { settings, integrator, duration, acceleration, skins, .. } = substep;
         let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return false };
         let rebound = rebound_of(settings, (integrator, duration));
@@ -153,15 +166,24 @@ impl Surfaces {
         let is_solved = |slot: &u32| {
             particles.is_pinned(*slot as usize) || is_implicit.get(*slot as usize) == Some(&true)
         };
-        let candidates = search.close();
-        let own = candidates.filter(|pair| is_implicit.is_empty() || !pair.slots.iter().all(is_solved));
-        contacts.extend(own.filter_map(|pair| examination.contact(pair)));
+        for number in search.close.iter().copied() {
+            let pair = &search.candidates[number as usize];
+            if is_implicit.is_empty() || !pair.slots.iter().all(is_solved) {
+                contacts.extend(examination.contact(number, pair));
+            }
+        }
         if contacts.is_empty() {
             return false;
         }
+        self.grips.recall(contacts, &search.candidates);
         self.gather(particles);
         solve::solve_velocities(&mut self.contacts, &mut self.bodies, 0.02 * rebound.resting_speed);
-        solve::solve_positions(&self.contacts, &mut self.bodies);
+        solve::solve_positions(&mut self.contacts, &mut self.bodies);
+        let Self { contacts, bodies, search, .. } = &*self;
+        let slips = contacts.iter().filter_map(|contact| Some((contact, solve::slip(contact, bodies)?)));
+        memory.grips.extend(
+            slips.map(|(contact, slip)| Grip::new(&search.candidates[contact.candidate as usize], slip)),
+        );
         for body in &self.bodies {
             particles.position.set(body.slot as usize, body.position.into());
             particles.velocity.set(body.slot as usize, body.velocity.into());

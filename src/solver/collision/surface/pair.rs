@@ -6,6 +6,7 @@ use super::closest::{Closest, closest};
 
 /// What is near what.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(super) enum Kind {
     /// Corners: the vertex, then those of the triangle.
     #[default]

@@ -2,13 +2,21 @@
 //!
 //! An impulse p on the first side and −p on the second give particle i, of mass mᵢ, the velocity wᵢ p / mᵢ. The weights add
 //! up to zero, so that no momentum comes or goes. The rules are those of two spheres (`../pairs.rs`, `../response.rs`).
+//!
+//! Positions are corrected as velocities are: by the projected Gauss–Seidel method (Catto, *Iterative dynamics with temporal
+//! coherence*, GDC 2005). What a contact has corrected in all iterations is what its cone of friction follows from. What one contact
+//! moves another one along its tangent is taken back by friction there, and what was too much is taken back along the normal.
+//!
+//! *What sticks does not creep.* Whatever the iterations leave of the slip of a contact that sticks is remembered (`grip.rs`), and
+//! taken back in the next substeps, by no more than friction can: Baumgarte's stabilisation of static friction, of positions
+//! alone, so that it gives no velocity.
 
 use bevy::math::Vec3A;
 
 use super::contact::Contact;
 use super::pair::LEAST_PART;
 
-use super::super::response::{friction, shortened, tangential};
+use super::super::response::{shortened, tangential};
 
 /// Number of iterations over the velocities, at most.
 const VELOCITY_ITERATIONS: usize = 12;
@@ -16,8 +24,14 @@ const VELOCITY_ITERATIONS: usize = 12;
 /// Number of iterations over the positions.
 const POSITION_ITERATIONS: usize = 4;
 
-/// The part of an older overlap that is removed in each iteration where springs press: see `../pairs.rs`.
-const SPRUNG_CORRECTION: f32 = 0.01;
+/// The part of an older overlap that is removed in each substep where springs press: see `../pairs.rs`.
+const SPRUNG_CORRECTION: f32 = 0.04;
+
+/// The part of an older slip that is taken back in each substep.
+const SLIP_CORRECTION: f32 = 0.1;
+
+/// A contact slips that bears this part of the friction that it can.
+const STICKING_SHARE: f32 = 0.999;
 
 /// Distances below this multiple of the least one are corrected in any case.
 const URGENT: f32 = 2.0;
@@ -93,33 +107,56 @@ fn correct_velocity(contact: &mut Contact, bodies: &mut [Touching], tolerance: f
 }
 
 /// Parts what is nearer than it may be; static friction puts it back to where it stuck.
-pub(super) fn solve_positions(contacts: &[Contact], bodies: &mut [Touching]) {
+pub(super) fn solve_positions(contacts: &mut [Contact], bodies: &mut [Touching]) {
+    for contact in &mut *contacts {
+        contact.overlap = if contact.sprung { kept_overlap(contact, bodies) } else { 0.0 };
+    }
     for _ in 0..POSITION_ITERATIONS {
-        for contact in contacts {
+        for contact in &mut *contacts {
             separate(contact, bodies);
         }
     }
 }
 
-fn separate(contact: &Contact, bodies: &mut [Touching]) {
-    let origin = bodies[contact.places[0] as usize].position;
-    let gap = combine(contact, bodies, |body| body.position - origin).dot(contact.normal);
-    let mut depth = contact.reach - gap;
-    if depth <= 0.0 {
+/// How much nearer than it may be a contact is, along its normal, m.
+#[inline(always)]
+fn depth(contact: &Contact, bodies: &[Touching], of: impl Fn(&Touching) -> Vec3A) -> f32 {
+    let origin = of(&bodies[contact.places[0] as usize]);
+    contact.reach - combine(contact, bodies, |body| of(body) - origin).dot(contact.normal)
+}
+
+/// What a contact that springs press keeps of its overlap at the start of the substep, m.
+fn kept_overlap(contact: &Contact, bodies: &[Touching]) -> f32 {
+    let kept = (1.0 - SPRUNG_CORRECTION) * depth(contact, bodies, |body| body.start);
+    kept.clamp(0.0, (1.0 - URGENT * LEAST_PART) * contact.reach)
+}
+
+fn separate(contact: &mut Contact, bodies: &mut [Touching]) {
+    let beyond = depth(contact, bodies, |body| body.position) - contact.overlap;
+    let lifted = (contact.lifted + beyond).max(0.0);
+    if lifted == 0.0 && contact.lifted == 0.0 {
         return;
     }
-    let moved = combine(contact, bodies, |body| body.position - body.start);
-    if contact.sprung {
-        let approached = -moved.dot(contact.normal);
-        let urgent = (URGENT * LEAST_PART * contact.reach - gap).max(0.0);
-        depth = depth.min(approached + SPRUNG_CORRECTION * depth).max(urgent);
-        if depth <= 0.0 {
-            return;
-        }
-    }
-    let mut correction = contact.normal * depth;
+    let mut correction = contact.normal * (lifted - contact.lifted);
+    contact.lifted = lifted;
     if contact.coefficient > 0.0 {
-        correction += friction(tangential(moved, contact.normal), contact.coefficient * depth);
+        let slip = moved(contact, bodies) + SLIP_CORRECTION * contact.slip;
+        let held = shortened(contact.held - slip, contact.coefficient * lifted);
+        correction += held - contact.held;
+        contact.held = held;
     }
     apply(contact, bodies, correction * contact.mass, |body| &mut body.position);
+}
+
+/// How far a contact has slipped in the substep, m.
+#[inline(always)]
+fn moved(contact: &Contact, bodies: &[Touching]) -> Vec3A {
+    tangential(combine(contact, bodies, |body| body.position - body.start), contact.normal)
+}
+
+/// How far a contact is from where it sticks, m; `None` of one that slips or bears nothing.
+pub(super) fn slip(contact: &Contact, bodies: &[Touching]) -> Option<Vec3A> {
+    let limit = STICKING_SHARE * contact.coefficient * contact.impulse;
+    let sticks = contact.friction.length_squared() < limit * limit;
+    sticks.then(|| contact.slip + moved(contact, bodies))
 }
