@@ -13,8 +13,10 @@ use super::super::response::{friction, shortened, tangential};
 /// Number of iterations over the velocities, at most.
 const VELOCITY_ITERATIONS: usize = 12;
 
-/// Number of iterations over the positions.
+/// Number of iterations over the positions; and of those, at most, while anything is nearer than the least distance, as where many
+/// layers are pressed together.
 const POSITION_ITERATIONS: usize = 4;
+const URGENT_ITERATIONS: usize = 32;
 
 /// The part of an older overlap that is removed in each iteration where springs press: see `../pairs.rs`.
 const SPRUNG_CORRECTION: f32 = 0.01;
@@ -94,19 +96,26 @@ fn correct_velocity(contact: &mut Contact, bodies: &mut [Touching], tolerance: f
 
 /// Parts what is nearer than it may be; static friction puts it back to where it stuck.
 pub(super) fn solve_positions(contacts: &[Contact], bodies: &mut [Touching]) {
-    for _ in 0..POSITION_ITERATIONS {
+    for iteration in 0..URGENT_ITERATIONS {
+        let is_urgent_only = iteration >= POSITION_ITERATIONS;
+        let mut any_urgent = false;
         for contact in contacts {
-            separate(contact, bodies);
+            any_urgent |= separate(contact, bodies, is_urgent_only);
+        }
+        if iteration + 1 >= POSITION_ITERATIONS && !any_urgent {
+            break;
         }
     }
 }
 
-fn separate(contact: &Contact, bodies: &mut [Touching]) {
+/// Parts the sides of a contact; whether they were nearer than the least distance. `is_urgent_only` leaves the others alone.
+fn separate(contact: &Contact, bodies: &mut [Touching], is_urgent_only: bool) -> bool {
     let origin = bodies[contact.places[0] as usize].position;
     let gap = combine(contact, bodies, |body| body.position - origin).dot(contact.normal);
     let mut depth = contact.reach - gap;
-    if depth <= 0.0 {
-        return;
+    let is_urgent = gap < LEAST_PART * contact.reach;
+    if depth <= 0.0 || is_urgent_only && !is_urgent {
+        return false;
     }
     let moved = combine(contact, bodies, |body| body.position - body.start);
     if contact.sprung {
@@ -114,7 +123,7 @@ fn separate(contact: &Contact, bodies: &mut [Touching]) {
         let urgent = (URGENT * LEAST_PART * contact.reach - gap).max(0.0);
         depth = depth.min(approached + SPRUNG_CORRECTION * depth).max(urgent);
         if depth <= 0.0 {
-            return;
+            return false;
         }
     }
     let mut correction = contact.normal * depth;
@@ -122,4 +131,5 @@ fn separate(contact: &Contact, bodies: &mut [Touching]) {
         correction += friction(tangential(moved, contact.normal), contact.coefficient * depth);
     }
     apply(contact, bodies, correction * contact.mass, |body| &mut body.position);
+    is_urgent
 }
