@@ -21,8 +21,10 @@ use super::super::response::{shortened, tangential};
 /// Number of iterations over the velocities, at most.
 const VELOCITY_ITERATIONS: usize = 12;
 
-/// Number of iterations over the positions.
+/// Number of iterations over the positions; and of those, at most, while anything is nearer than the least distance, as where many
+/// layers are pressed together.
 const POSITION_ITERATIONS: usize = 4;
+const URGENT_ITERATIONS: usize = 32;
 
 /// The part of an older overlap that is removed in each substep where springs press: see `../pairs.rs`.
 const SPRUNG_CORRECTION: f32 = 0.04;
@@ -111,9 +113,14 @@ pub(super) fn solve_positions(contacts: &mut [Contact], bodies: &mut [Touching])
     for contact in &mut *contacts {
         contact.overlap = if contact.sprung { kept_overlap(contact, bodies) } else { 0.0 };
     }
-    for _ in 0..POSITION_ITERATIONS {
+    for iteration in 0..URGENT_ITERATIONS {
+        let is_urgent_only = iteration >= POSITION_ITERATIONS;
+        let mut any_urgent = false;
         for contact in &mut *contacts {
-            separate(contact, bodies);
+            any_urgent |= separate(contact, bodies, is_urgent_only);
+        }
+        if iteration + 1 >= POSITION_ITERATIONS && !any_urgent {
+            break;
         }
     }
 }
@@ -131,11 +138,16 @@ fn kept_overlap(contact: &Contact, bodies: &[Touching]) -> f32 {
     kept.clamp(0.0, (1.0 - URGENT * LEAST_PART) * contact.reach)
 }
 
-fn separate(contact: &mut Contact, bodies: &mut [Touching]) {
-    let beyond = depth(contact, bodies, |body| body.position) - contact.overlap;
-    let lifted = (contact.lifted + beyond).max(0.0);
+/// Parts the sides of a contact; whether they were nearer than the least distance. `is_urgent_only` leaves the others alone.
+fn separate(contact: &mut Contact, bodies: &mut [Touching], is_urgent_only: bool) -> bool {
+    let depth = depth(contact, bodies, |body| body.position);
+    let is_urgent = contact.reach - depth < LEAST_PART * contact.reach;
+    if is_urgent_only && !is_urgent {
+        return false;
+    }
+    let lifted = (contact.lifted + depth - contact.overlap).max(0.0);
     if lifted == 0.0 && contact.lifted == 0.0 {
-        return;
+        return false;
     }
     let mut correction = contact.normal * (lifted - contact.lifted);
     contact.lifted = lifted;
@@ -146,6 +158,7 @@ fn separate(contact: &mut Contact, bodies: &mut [Touching]) {
         contact.held = held;
     }
     apply(contact, bodies, correction * contact.mass, |body| &mut body.position);
+    is_urgent
 }
 
 /// How far a contact has slipped in the substep, m.
