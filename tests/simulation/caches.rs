@@ -295,6 +295,7 @@ fn ticks_of_nets_in_gusty_wind_depend_on_no_cache() {
 }
 
 #[test]
+#[ignore = "takes minutes"]
 fn ticks_among_solids_depend_on_no_cache() {
     for integrator in Integrator::ALL {
         let contacts = assert_caches_change_nothing(among_solids(), integrator, 24);
