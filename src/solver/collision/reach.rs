@@ -3,7 +3,7 @@
 use bevy::math::{Vec3, Vec3A};
 
 use super::material::{Skin, skin_of};
-use super::surface::{Box3, CONTACT_HYSTERESIS};
+use super::surface::Box3;
 use crate::solver::graph::{Exclusions, Islands};
 use crate::solver::particles::Particles;
 use crate::solver::settings::StepSettings;
@@ -41,35 +41,40 @@ impl Scene<'_> {
     }
 }
 
-/// What an island may reach in the tick.
+/// The fastest and the thickest of some particles.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reach {
-    /// That of the centres, m.
-    pub bounds: Box3,
-    /// m.
+pub(super) struct Motion {
+    /// That of their velocities, m/s.
+    velocity: Box3,
+    /// m; 0 without particles.
     pub thickest: f32,
-    /// What its box has in common with those of others, margins included, m.
-    pub shared: Box3,
-    /// Whether its particles are looked at.
-    pub is_wanted: bool,
 }
 
-impl Reach {
-    pub const NOTHING: Self =
-        Self { bounds: Box3::NOTHING, thickest: 0.0, shared: Box3::NOTHING, is_wanted: false };
-
-    /// The box in which it may touch others, or what is between.
-    pub fn grown(&self, margin: f32) -> Box3 {
-        self.bounds.grown((1.0 + CONTACT_HYSTERESIS) * self.thickest + margin)
+impl Default for Motion {
+    fn default() -> Self {
+        Self { velocity: Box3::NOTHING, thickest: 0.0 }
     }
 }
 
-/// Finds what the islands with spheres may reach, and loose spheres; and the longest way of a particle of both, at most, m.
+impl Motion {
+    /// How far any of them goes in free flight in the tick, at most, m.
+    pub fn longest(&self, settings: &StepSettings) -> f32 {
+        if self.thickest == 0.0 {
+            return 0.0;
+        }
+        let falls = Vec3A::from(settings.time_step * settings.gravity);
+        let fastest = (self.velocity.least + falls).abs().max((self.velocity.most + falls).abs()).length();
+        if fastest.is_finite() { settings.time_step * fastest } else { 0.0 }
+    }
+}
+
+/// Finds where the spheres of islands are, and how they and loose spheres move.
 pub(super) struct Measure<'a> {
     pub scene: Scene<'a>,
-    pub reaches: &'a mut [Reach],
-    pub loose: &'a mut Reach,
-    pub longest: &'a mut [f32; 2],
+    /// By island.
+    pub boxes: &'a mut [Box3],
+    pub islands: &'a mut Motion,
+    pub loose: &'a mut Motion,
 }
 
 impl pulp::WithSimd for Measure<'_> {
@@ -77,10 +82,9 @@ impl pulp::WithSimd for Measure<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { scene, reaches, loose, longest } = self;
-        let Scene { islands, particles, settings: StepSettings { time_step, gravity, .. }, .. } = scene;
-        let falls = Vec3A::from(*time_step * *gravity);
-        for (slots, island) in islands.runs() {
+        let Self { scene, boxes, islands, loose } = self;
+        let particles = scene.particles;
+        for (slots, island) in scene.islands.runs() {
             let slots = slots.start as usize..slots.end as usize;
             if !slots.clone().any(|slot| scene.is_sphere(slot)) {
                 continue;
@@ -90,18 +94,16 @@ impl pulp::WithSimd for Measure<'_> {
                 let [least, most] = [0, 1].map(|side| Vec3A::from_array(extremes.map(|axis| axis[side])));
                 Box3 { least, most }
             };
-            let (start, velocity) = (box_of(particles.position.axes()), box_of(particles.velocity.axes()));
-            let [least, most] = [velocity.least, velocity.most].map(|end| *time_step * (end + falls));
-            let end = Box3 { least: start.least + least, most: start.most + most };
-            let [_, radius] = extremes(simd, &particles.radius()[slots]);
-            let (reach, longest) = match *island {
-                Some(island) => (&mut reaches[island], &mut longest[0]),
-                None => (&mut *loose, &mut longest[1]),
+            let motion = match *island {
+                Some(island) => {
+                    boxes[island] = boxes[island].union(box_of(particles.position.axes()));
+                    &mut *islands
+                }
+                None => &mut *loose,
             };
-            reach.bounds = reach.bounds.union(start).union(end);
-            reach.thickest = reach.thickest.max(radius);
-            let way = least.abs().max(most.abs()).length();
-            *longest = if way.is_finite() { longest.max(way) } else { *longest };
+            motion.velocity = motion.velocity.union(box_of(particles.velocity.axes()));
+            let [_, thickest] = extremes(simd, &particles.radius()[slots]);
+            motion.thickest = motion.thickest.max(thickest);
         }
     }
 }

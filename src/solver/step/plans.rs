@@ -24,11 +24,13 @@ impl Caches {
         let Self { planner, surfaces, touching, near_islands, .. } = self;
         touching.clear();
         surfaces.find_touching(particles, (settings, skins), |slots| planner.note_islands(slots, touching));
+        touching.sort_unstable();
+        touching.dedup();
         let covered = surfaces.covered();
         let (islands, _) = planner.stiff_islands();
-        near_islands.begin_tick(Scene { islands, particles, covered, skins, settings }, touching);
+        near_islands.begin_tick(Scene { islands, particles, covered, skins, settings });
         let (mut plan, mut known) = (first, 0);
-        // A plan that divides them in another place may part others that touch.
+        // What touches what has become stiff becomes so; and a plan that divides them in another place may part others.
         loop {
             if touching.len() > known {
                 known = touching.len();

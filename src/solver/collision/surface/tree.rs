@@ -37,6 +37,12 @@ impl Box3 {
         Self { least: self.least.max(other.least), most: self.most.min(other.most) }
     }
 
+    /// Whether there is any point in it.
+    #[inline(always)]
+    pub fn is_some(&self) -> bool {
+        self.least.cmple(self.most).all()
+    }
+
     /// It, larger on all sides.
     #[inline(always)]
     pub fn grown(self, margin: f32) -> Self {
