@@ -150,7 +150,7 @@ pub(crate) fn step(
     state.pulls.end_tick();
     let in_implicit_step = if plan.is_implicit() { caches.implicit_euler.touching().len() } else { 0 };
     outputs.contact_count = caches.contacts.count() + caches.surfaces.count() + in_implicit_step;
-    caches.publish_forces(state, outputs, settings, plan, duration);
+    caches.publish_forces(state, outputs, settings, plan);
     outputs.read_gases(&state.elements, &state.particles.position);
 }
 
@@ -172,7 +172,7 @@ impl Caches {
         state.releases.retain(|release| release.time_left > 0.0);
         state.air_clock.advance(settings.wind, settings.time_step);
         outputs.contact_count = 0;
-        self.publish_forces(state, outputs, settings, Plan::default(), settings.time_step);
+        self.publish_forces(state, outputs, settings, Plan::default());
         outputs.read_gases(&state.elements, &state.particles.position);
     }
 

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! by conjugate gradients. Where they change ‖s‖ by no more than rounding does, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ). Where
-//! they change it by more, or it changes faster than rounding makes it, the net moves: its tensions are left alone.
+//! they change it by more, or the forces on an end, with those of dampers, exceed what rounding makes of them, the net moves: its
+//! tensions are left alone. (Where a particle is too slow to get to the next f32, a damper may bear a part of the load.)
 
 use bevy::math::DVec3;
 
@@ -36,6 +37,8 @@ pub(in crate::solver) struct Balance {
     /// Σ c² k of the elements at each particle, N/m.
     diagonal: Vec<f64>,
     residual: Vec<DVec3>,
+    /// Mass times acceleration, N.
+    inertia: Vec<DVec3>,
     displacement: Vec<DVec3>,
     direction: Vec<DVec3>,
     image: Vec<DVec3>,
@@ -58,8 +61,8 @@ struct Link {
     length: f64,
     /// k (‖s‖ − r), N.
     tension: f64,
-    /// d‖s‖/dt, m/s.
-    rate: f64,
+    /// c d‖s‖/dt, N.
+    damping: f64,
 }
 
 impl Link {
@@ -78,14 +81,13 @@ impl Balance {
     /// Writes the tensions of the elements that are at rest, N, by their numbers.
     ///
     /// `load` is the force on the particle in a slot apart from elements and gases, N; `is_held` says of which it is not known, as
-    /// it touches something. The last substep took `substep` seconds.
+    /// it touches something.
     pub fn write_tensions(
         &mut self,
         elements: &Elements,
         particles: &Particles,
         load: impl Fn(usize) -> DVec3,
         is_held: &[bool],
-        substep: f64,
         tensions: &mut [f64],
     ) {
         self.begin(elements, particles, load, is_held);
@@ -98,7 +100,11 @@ impl Balance {
             // Across it the length changes in second order.
             let neglected =
                 if link.length > 0.0 { moved.length_squared() / (2.0 * link.length) } else { 0.0 };
-            if change.abs() + neglected <= limit && link.rate.abs() * substep <= limit {
+            let is_at_rest = |(end, _): (usize, f64)| {
+                !self.is_free[end] || self.inertia[end].length() <= limit * self.diagonal[end]
+            };
+            let is_bounded = (change.abs() + neglected - limit) * link.stiffness <= link.damping.abs();
+            if is_bounded && link.ends().all(is_at_rest) {
                 tensions[link.number as usize] = link.tension + link.stiffness * change;
             }
         }
@@ -112,7 +118,7 @@ impl Balance {
         load: impl Fn(usize) -> DVec3,
         is_held: &[bool],
     ) {
-        let Self { links, is_free, diagonal, residual, displacement, gradient, .. } = self;
+        let Self { links, is_free, diagonal, residual, inertia, displacement, gradient, .. } = self;
         let count = particles.len();
         links.clear();
         is_free.clear();
@@ -142,7 +148,7 @@ impl Balance {
                 along: DVec3::ZERO,
                 length: 0.0,
                 tension: 0.0,
-                rate: 0.0,
+                damping: 0.0,
             };
             link.ends[..link.count].copy_from_slice(acting.ends);
             for (to, from) in link.weights.iter_mut().zip(acting.weights) {
@@ -155,7 +161,7 @@ impl Balance {
                 return;
             }
             (link.along, link.length) = (separation.normalize_or_zero(), length);
-            link.rate = rate.dot(link.along);
+            link.damping = f64::from(rates.damping) * rate.dot(link.along);
             link.tension = link.stiffness * (length - rest_length);
             link.across = if length > 0.0 { link.tension.max(0.0) / length } else { link.stiffness };
             for (end, weight) in link.ends() {
@@ -164,6 +170,10 @@ impl Balance {
             }
             links.push(link);
         });
+        inertia.clone_from(residual);
+        for link in &*links {
+            link.ends().for_each(|(end, weight)| inertia[end] -= link.along * (link.damping * weight));
+        }
         for (slot, is_free) in is_free.iter().enumerate() {
             if !is_free || diagonal[slot] == 0.0 {
                 residual[slot] = DVec3::ZERO;

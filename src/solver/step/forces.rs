@@ -15,14 +15,13 @@ impl Caches {
     }
 
     /// Writes tensions and reactions at the end of a tick into `outputs`, if they are asked for: of what rests those that balance
-    /// the loads, of other elements those that were solved for, or measured. A substep took `substep` seconds.
+    /// the loads, of other elements those that were solved for, or measured.
     pub(super) fn publish_forces(
         &mut self,
         state: &State,
         outputs: &mut Outputs,
         settings: &StepSettings,
         plan: Plan,
-        substep: f32,
     ) {
         if !outputs.record_forces {
             return;
@@ -49,7 +48,7 @@ impl Caches {
             let mass = 1.0 / f64::from(particles.own_inverse_mass()[slot]);
             particles.applied_force.get(slot).as_dvec3() + mass * field.acceleration(slot)
         };
-        balance.write_tensions(elements, particles, load, is_held, substep.into(), tensions);
+        balance.write_tensions(elements, particles, load, is_held, tensions);
         outputs.end_tick(elements, particles, tensions);
     }
 }
