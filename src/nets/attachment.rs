@@ -6,18 +6,22 @@ use bevy::prelude::*;
 #[cfg(feature = "serialize")]
 use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 
-/// On a [`Part`](crate::nets::Part) of one particle: ties it to another entity by a spring.
+/// On a [`Part`](crate::nets::Part): ties each of its particles to another entity by a spring.
 ///
-/// From the next tick on the part's entity has a [`Spring`](crate::Spring):
+/// From the next tick on each of them has a [`Spring`](crate::Spring):
 /// - to a [`Particle`](crate::Particle) or a part of one particle, as long at rest as they are apart now, if these
 ///   take part in the simulation: both pull at each other;
-/// - to the place where the part is now in the frame of any other entity with a `Transform`, 0 long at rest. That place
+/// - to the place where the particle is now in the frame of any other entity with a `Transform`, 0 long at rest. That place
 ///   moves and turns with the entity.
 ///
-/// All that is true of springs is true of it: its tension is in [`SpringForces`](crate::SpringForces) under the part, and
-/// when it breaks the part gets [`Broken`](crate::Broken) and the event [`Broke`](crate::Broke); when its other end is
-/// despawned, what [`OrphanedSprings`](crate::OrphanedSprings) says holds for the part. Without the component the tie is
-/// undone; inserted again it ties anew. To hold a part rigidly take [`Pinned`](crate::Pinned).
+/// The spring of a part of one particle is on the part itself. A part of several particles, such as an edge or a painted
+/// group, gets a child for each of them, in ascending order: the part of this particle alone, with the spring. So a seam may
+/// give way particle by particle, as each tie has the whole breaking force. Particles that the part gets later are not tied.
+///
+/// All that is true of springs is true of it: its tension is in [`SpringForces`](crate::SpringForces) under the entity that
+/// has it, and when it breaks this entity gets [`Broken`](crate::Broken) and the event [`Broke`](crate::Broke); when its
+/// other end is despawned, what [`OrphanedSprings`](crate::OrphanedSprings) says holds for that entity. Without the component
+/// all of these ties are undone; inserted again it ties anew. To hold a part rigidly take [`Pinned`](crate::Pinned).
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -41,10 +45,10 @@ pub struct Attachment {
     /// What the part is tied to.
     #[entities]
     pub entity: Entity,
-    /// The tension at which the tie breaks, N, finite and >= 0. Default `None`: never.
+    /// The tension at which a tie breaks, N, finite and >= 0; of each particle of the part by itself. Default `None`: never.
     pub breaking_force: Option<f32>,
-    /// The stiffness of the tie, N/m, finite and >= 0. Default `None`: that of the stiffest spring of the net at the
-    /// particle, which costs the simulation nothing.
+    /// The stiffness of the tie of each particle, N/m, finite and >= 0. Default `None`: that of the stiffest spring of the
+    /// net at the particle, which costs the simulation nothing.
     pub stiffness: Option<f32>,
 }
 
@@ -68,8 +72,9 @@ impl Attachment {
 }
 
 /// What holds an [`Attachment`] that is in effect.
-#[derive(Component, Debug, Clone, Copy)]
+#[derive(Component, Debug, Clone, Default)]
 pub(crate) struct Tied {
-    /// The pinned particle in the frame of what it is tied to, if that is none itself.
-    pub anchor: Option<Entity>,
+    /// The pinned particles in the frame of what it is tied to, if that is none itself; and the parts of one particle that
+    /// have the springs, if the attached part is of several.
+    pub helpers: Vec<Entity>,
 }

@@ -149,6 +149,11 @@ impl PartState {
         &self.particles
     }
 
+    /// That of a part of one of its particles.
+    pub(crate) fn of_one(&self, particle: u32) -> Self {
+        Self { particles: vec![particle], structure: self.structure, ..Self::default() }
+    }
+
     /// Whether its particles were found in this net, as it is.
     pub(crate) fn is_of(&self, net: &ParticleNet) -> bool {
         self.structure == net.versions().structure

@@ -2,10 +2,13 @@
 
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
+use bevy::ecs::system::SystemParam;
+use bevy::math::Affine3A;
 use bevy::prelude::*;
 
 use super::super::hierarchy::{to_local, world_transform};
 use super::super::state::{MassSpringState, Warnings};
+use super::gather::GatheredNets;
 use crate::nets::{Attachment, Part, PartOf, PartState, ParticleNet, Parts, Tied};
 use crate::particle::{Particle, Pinned};
 use crate::solver;
@@ -23,51 +26,105 @@ pub(in crate::sync) fn tie_attachments(
     state: Res<MassSpringState>,
     nets: Query<(&ParticleNet, &Parts)>,
     attachments: Query<(&Attachment, &PartState), Without<Tied>>,
-    simulated: Query<(), Or<(With<Particle>, With<Part>)>>,
-    targets: Query<(&PartOf, &PartState)>,
-    transforms: Query<&Transform, Allow<Disabled>>,
-    parents: Query<&ChildOf, Allow<Disabled>>,
+    targets: Targets,
+    mut gathered: ResMut<GatheredNets>,
     mut warnings: ResMut<Warnings>,
 ) {
     for net_entity in state.nets.entities() {
         let Ok((net, parts)) = nets.get(net_entity) else { continue };
         for &part in parts.entities() {
             let Ok((attachment, part_state)) = attachments.get(part) else { continue };
-            let target = attachment.entity;
-            let [particle] = *part_state.particles() else {
-                warnings.warn_once(part, format_args!("part {part} is not attached: it is not one particle"));
-                continue;
+            let target = match targets.find(attachment.entity, &nets) {
+                Ok(Some(target)) => target,
+                Ok(None) => continue,
+                Err(problem) => {
+                    warnings.warn_once(part, format_args!("part {part} is not attached: {problem}"));
+                    continue;
+                }
             };
-            if targets.get(target).is_ok_and(|(_, part)| part.particles().is_empty()) {
-                // It is a part of a net that is not laid out yet.
-                continue;
+            let mut tied = Tied::default();
+            for &particle in part_state.particles() {
+                let mut spring = tie(net, particle, attachment);
+                let place = net.positions()[particle as usize];
+                let end = target.end_at(place, &mut spring, &mut commands, &mut tied);
+                if let [_] = part_state.particles() {
+                    spring.particles = [part, end];
+                    commands.entity(part).try_insert(spring);
+                    continue;
+                }
+                let of_one = (PartOf(net_entity), Part::Particle(particle), part_state.of_one(particle));
+                let strand = commands.spawn((of_one, ChildOf(part))).id();
+                spring.particles = [strand, end];
+                commands.entity(strand).insert(spring);
+                gathered.relinked_parts.insert(strand);
+                tied.helpers.push(strand);
             }
-            if !transforms.contains(target) {
-                warnings
-                    .warn_once(part, format_args!("part {part} is not attached: {target} has no Transform"));
-                continue;
+            // A part without particles is of a net that is not laid out yet, or has none such.
+            if !part_state.particles().is_empty() {
+                commands.entity(part).try_insert(tied);
             }
-            let parent_of = |entity| parents.get(entity).ok().map(ChildOf::parent);
-            let (frame, _) = world_transform(target, parent_of, |entity| transforms.get(entity).ok());
-            let place = net.positions()[particle as usize];
-            let mut spring = tie(net, particle, attachment);
-            let anchor = if simulated.contains(target) {
-                spring.particles = [part, target];
+        }
+    }
+}
+
+/// What parts may be tied to.
+#[derive(SystemParam)]
+pub(in crate::sync) struct Targets<'w, 's> {
+    simulated: Query<'w, 's, (), Or<(With<Particle>, With<Part>)>>,
+    parts: Query<'w, 's, (&'static PartOf, &'static PartState)>,
+    transforms: Query<'w, 's, &'static Transform, Allow<Disabled>>,
+    parents: Query<'w, 's, &'static ChildOf, Allow<Disabled>>,
+}
+
+/// What a part is tied to.
+enum Target {
+    /// A particle, or a part of one, and where it is.
+    Particle(Entity, Vec3),
+    /// Anything else, and its frame.
+    Frame(Entity, Affine3A),
+}
+
+impl Targets<'_, '_> {
+    /// `None`: it is a part of a net that is not laid out yet.
+    fn find(&self, target: Entity, nets: &Query<(&ParticleNet, &Parts)>) -> Result<Option<Target>, String> {
+        if !self.transforms.contains(target) {
+            return Err(format!("{target} has no Transform"));
+        }
+        let parent_of = |entity| self.parents.get(entity).ok().map(ChildOf::parent);
+        let (frame, _) = world_transform(target, parent_of, |entity| self.transforms.get(entity).ok());
+        if !self.simulated.contains(target) {
+            return Ok(Some(Target::Frame(target, frame)));
+        }
+        let Ok((net, part)) = self.parts.get(target) else {
+            return Ok(Some(Target::Particle(target, frame.translation.into())));
+        };
+        match *part.particles() {
+            [] => Ok(None),
+            [particle] => {
                 // The Transform of a part is not written before the end of its first tick.
-                let of_part = targets.get(target).ok().and_then(|(net, part)| {
-                    let particle = *part.particles().first()? as usize;
-                    nets.get(net.0).ok()?.0.positions().get(particle).copied()
-                });
-                let other = of_part.unwrap_or_else(|| frame.translation.into());
+                let net = nets.get(net.0).ok();
+                let place = net.and_then(|(net, _)| net.positions().get(particle as usize).copied());
+                Ok(Some(Target::Particle(target, place.unwrap_or_else(|| frame.translation.into()))))
+            }
+            [..] => Err(format!("{target} is a part of {} particles, expected one", part.particles().len())),
+        }
+    }
+}
+
+impl Target {
+    /// The other end of a `spring` from a particle at `place`, which is given its rest length.
+    fn end_at(&self, place: Vec3, spring: &mut Spring, commands: &mut Commands, tied: &mut Tied) -> Entity {
+        match *self {
+            Self::Particle(entity, other) => {
                 spring.rest_length = place.distance(other);
-                None
-            } else {
+                entity
+            }
+            Self::Frame(entity, frame) => {
                 let local = Transform::from_translation(to_local(&frame, place));
-                let anchor = commands.spawn((Particle::new(1.0, 0.0), Pinned, local, ChildOf(target))).id();
-                spring.particles = [part, anchor];
-                Some(anchor)
-            };
-            commands.entity(part).try_insert((spring, Tied { anchor }));
+                let anchor = commands.spawn((Particle::new(1.0, 0.0), Pinned, local, ChildOf(entity))).id();
+                tied.helpers.push(anchor);
+                anchor
+            }
         }
     }
 }
@@ -100,9 +157,7 @@ pub(in crate::sync) fn retie(inserted: On<Insert, Attachment>, tied: Query<&Tied
 }
 
 fn undo(part: Entity, tied: &Query<&Tied>, commands: &mut Commands) {
-    let Ok(Tied { anchor }) = tied.get(part) else { return };
-    if let Some(anchor) = anchor {
-        commands.entity(*anchor).try_despawn();
-    }
+    let Ok(Tied { helpers }) = tied.get(part) else { return };
+    helpers.iter().for_each(|helper| commands.entity(*helper).try_despawn());
     commands.entity(part).try_remove::<(Spring, Tied, Broken)>();
 }
