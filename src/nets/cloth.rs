@@ -106,8 +106,8 @@ impl From<Plane3d> for Cloth {
 }
 
 impl Cloth {
-    /// The greatest number of cells along a side.
-    pub const MAX_CELLS: u32 = 4096;
+    /// The most cells in all.
+    pub const MAX_CELLS: u32 = 1 << 24;
 
     /// An upright sheet about the origin, as Bevy's rectangle: width along X, height along Y, its front towards Z.
     pub fn sheet(rectangle: Rectangle) -> Self {
@@ -183,6 +183,7 @@ impl Cloth {
         let most = Self::MAX_CELLS.into();
         let cells =
             [NetError::count("cells.x", cells[0], 1, most)?, NetError::count("cells.y", cells[1], 1, most)?];
+        NetError::count("cells in all", u64::from(cells[0]) * u64::from(cells[1]), 1, most)?;
         self.finish(sheet::topology(&frame, cells, &self.material, &self.weave()))
     }
 

@@ -44,6 +44,9 @@ pub(super) struct Diagonals {
     pub shear: f64,
     /// Those of single cells, then the long ones.
     pub layers: Vec<Layer>,
+    /// The greatest of [`along`](Self::along) of all cells, along both axes: if the short diagonals carried everything,
+    /// and if the long ones did.
+    greatest: [[f64; 2]; 2],
 }
 
 /// The stiffnesses of a lattice.
@@ -108,7 +111,9 @@ impl Diagonals {
             });
             layers.push(Layer { bounds, share: 0.0 });
         }
-        Self { axes, shear: 0.0, layers }
+        let mut diagonals = Self { axes, shear: 0.0, layers, greatest: [[0.0; 2]; 2] };
+        diagonals.greatest = axes.map(|axis| diagonals.find_greatest(axis, cells));
+        diagonals
     }
 
     /// What they add to the stiffness along `axis`, in parts of the shear stiffness, in the cell with these
@@ -118,9 +123,7 @@ impl Diagonals {
         carried.map(|layer| layer.share * layer.along(axis, cell, self.axes, cells)).sum()
     }
 
-    /// The greatest of [`along`](Self::along) of all cells, once if the short diagonals carried everything, once if
-    /// the long ones did.
-    fn greatest(&self, axis: usize, cells: &Cells) -> [f64; 2] {
+    fn find_greatest(&self, axis: usize, cells: &Cells) -> [f64; 2] {
         let mut greatest = [0.0_f64; 2];
         let counts = self.axes.map(|axis| cells.counts[axis]);
         // Groups are long along one axis only: a row or column has all combinations.
@@ -162,25 +165,25 @@ impl Moduli {
             let pairs = [[0, 1], [0, 2], [1, 2]].into_iter();
             let planes = pairs.filter(|axes| axes.iter().all(|axis| cells.has(*axis)));
             moduli.planes = planes.map(|axes| Diagonals::new(axes, cells, tiling)).collect();
-            if moduli.divide(cells, free, shear) {
+            if moduli.divide(free, shear) {
                 return moduli;
             }
         }
         let (mut possible, mut impossible) = (0.0, shear);
         for _ in 0..40 {
             let middle = 0.5 * (possible + impossible);
-            match moduli.divide(cells, free, middle) {
+            match moduli.divide(free, middle) {
                 true => possible = middle,
                 false => impossible = middle,
             }
         }
-        moduli.divide(cells, free, possible);
+        moduli.divide(free, possible);
         moduli
     }
 
     /// Divides the shear stiffness among the layers, as much as possible to the short diagonals; whether edges keep
     /// their part of the stiffness along each axis.
-    fn divide(&mut self, cells: &Cells, free: f64, shear: f64) -> bool {
+    fn divide(&mut self, free: f64, shear: f64) -> bool {
         for plane in &mut self.planes {
             plane.shear = shear;
         }
@@ -189,16 +192,17 @@ impl Moduli {
         for step in (1..=STEPS).rev() {
             let share = f64::from(step) / f64::from(STEPS);
             self.planes.iter_mut().for_each(|plane| plane.share(share));
-            if (0..3).all(|axis| self.keeps(axis, cells)) {
+            if (0..3).all(|axis| self.keeps(axis)) {
                 return true;
             }
         }
         false
     }
 
-    fn keeps(&self, axis: usize, cells: &Cells) -> bool {
+    fn keeps(&self, axis: usize) -> bool {
         let of_plane = |plane: &Diagonals| {
-            let ([short, long], share) = (plane.greatest(axis, cells), plane.layers[0].share);
+            let side = usize::from(plane.axes[1] == axis);
+            let ([short, long], share) = (plane.greatest[side], plane.layers[0].share);
             plane.shear * (share * short + (1.0 - share) * long)
         };
         let planes = self.planes.iter().filter(|plane| plane.axes.contains(&axis));

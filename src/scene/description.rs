@@ -31,7 +31,8 @@ pub struct MassSpringScene {
     /// Which collisions act, and how particles rebound from each other. Optional in the file.
     #[serde(default)]
     pub collisions: CollisionSettings,
-    /// The particles that belong to no net.
+    /// The particles that belong to no net. Optional in the file.
+    #[serde(default)]
     pub particles: Vec<SceneParticle>,
     /// The springs. Optional in the file.
     #[serde(default)]

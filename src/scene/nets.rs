@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::nets::Balloon;
+use crate::nets::{Balloon, Jelly};
 use crate::parameter::{self, InvalidParameter};
 
 /// One net. Its particles come after those of the scene's list and of the nets before it.
@@ -116,7 +116,7 @@ pub enum SceneNet {
         centre: Vec3,
         /// Its radius at rest, m, > 0.
         radius: f32,
-        /// How often the triangles of an icosahedron are divided into four. At most 7.
+        /// How often the triangles of an icosahedron are divided into four. At most 8.
         subdivisions: u32,
         /// Of the membrane, m, >= 0: its particles collide with half of it as their radius. Default 0.
         #[serde(default)]
@@ -200,11 +200,16 @@ impl SceneNet {
     pub fn validate(&self) -> Result<(), InvalidParameter> {
         self.check_shape()?;
         self.check_material()?;
-        let count = self.particle_count();
-        match self.pinned().iter().find(|pinned| **pinned as usize >= count) {
-            Some(_) => refuse("pinned", self.pinned(), "indices of particles of the net"),
+        match self.missing_pin() {
+            Some(place) => refuse("pinned", self.pinned()[place], "the index of a particle of the net"),
             None => Ok(()),
         }
+    }
+
+    /// The place in `pinned` of the first index that is of no particle of the net.
+    pub(super) fn missing_pin(&self) -> Option<usize> {
+        let count = self.particle_count();
+        self.pinned().iter().position(|pinned| *pinned as usize >= count)
     }
 
     fn check_shape(&self) -> Result<(), InvalidParameter> {
@@ -245,7 +250,11 @@ impl SceneNet {
                         "coordinates that are all greater than those of `min`",
                     );
                 }
-                cells(&[x, y, z], (x, y, z))
+                cells(&[x, y, z], (x, y, z))?;
+                if [x, y, z].into_iter().map(u64::from).product::<u64>() > Jelly::MAX_CELLS.into() {
+                    return refuse("cells", (x, y, z), "at most 2^21 cells in all");
+                }
+                Ok(())
             }
             Self::Balloon { centre, radius, subdivisions, .. } => {
                 parameter::finite("centre", centre)?;

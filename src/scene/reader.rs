@@ -134,6 +134,10 @@ impl<'de> Visitor<'de> for Stop<'_> {
         Ok(())
     }
 
+    fn visit_some<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_any(self)
+    }
+
     fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<(), A::Error> {
         if let Some(&Step::Index(index)) = self.path.first() {
             for _ in 0..index {

@@ -48,7 +48,10 @@ impl Fault {
     }
 
     fn with_expected(parents: &[Step], field: &'static str, value: String, expected: String) -> Self {
-        let path = Path([parents, &[Step::Field(field)]].concat());
+        Self::at(Path([parents, &[Step::Field(field)]].concat()), value, expected)
+    }
+
+    fn at(path: Path, value: String, expected: String) -> Self {
         Self { reason: SceneErrorReason::OutOfRange { field: path.to_string(), value, expected }, path }
     }
 }
@@ -115,7 +118,12 @@ impl MassSpringScene {
     }
 
     fn check_settings(&self) -> Result<(), Fault> {
-        self.environment.validate().map_err(|invalid| Fault::new(&[Step::Field("environment")], invalid))?;
+        let environment = [Step::Field("environment")];
+        if let Some(gusts) = self.environment.gusts {
+            let parents = [&environment[..], &[Step::Field("gusts")]].concat();
+            gusts.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+        }
+        self.environment.validate().map_err(|invalid| Fault::new(&environment, invalid))?;
         let solver = [Step::Field("solver")];
         self.solver.tick().map_err(|invalid| Fault::new(&solver, invalid))?;
         if self.solver.substeps == SubstepMode::Fixed(0) {
@@ -129,7 +137,13 @@ impl MassSpringScene {
     fn check_nets(&self) -> Result<SceneLayout, Fault> {
         for (index, net) in self.nets.iter().enumerate() {
             let parents = [Step::Field("nets"), Step::Index(index)];
-            net.validate().map_err(|invalid| Fault::new(&parents, invalid))?;
+            net.validate().map_err(|invalid| match net.missing_pin() {
+                Some(place) if invalid.field == "pinned" => {
+                    let path = [&parents[..], &[Step::Field("pinned"), Step::Index(place)]].concat();
+                    Fault::at(Path(path), invalid.value, invalid.expected.to_owned())
+                }
+                _ => Fault::new(&parents, invalid),
+            })?;
         }
         self.lay_out().map_err(|(index, source)| {
             let path = Path(vec![Step::Field("nets"), Step::Index(index)]);

@@ -47,7 +47,11 @@ fn bad_nets_are_refused_with_place_index_and_field() {
         ("linear_density: 0.1", "linear_density: §0", format!("nets[0].linear_density is 0.0, {positive}")),
         ("to: (1, 0, 0)", "to: §(0, 0, 0)", "nets[0].to is [0.0, 0.0, 0.0], expected another place".into()),
         ("segments: 20", "segments: §0", "nets[0].segments is 0, expected a number from 1".into()),
-        ("pinned: [0])", "pinned: §[21])", "nets[0].pinned is [21], expected indices".into()),
+        (
+            "pinned: [0])",
+            "pinned: [0, §21])",
+            "nets[0].pinned[1] is 21, expected the index of a particle".into(),
+        ),
         ("1e4,", "1e4, radius: §-1,", "nets[0].radius is -1.0, expected a finite number >= 0".into()),
         ("1e4,", "1e4, breaking_force: §NaN,", "nets[0].breaking_force is NaN, expected".into()),
         ("cells: (20, 20)", "cells: §(20, 0)", "nets[1].cells is (20, 0), expected numbers >= 1".into()),
@@ -63,6 +67,11 @@ fn bad_nets_are_refused_with_place_index_and_field() {
         ),
         ("3e2,", "3e2, lift_coefficient: §-1,", "nets[1].lift_coefficient is -1.0, expected".into()),
         ("max: (1, 1, 1)", "max: §(1, 0, 1)", "nets[2].max is [1.0, 0.0, 1.0], expected coordinates".into()),
+        (
+            "cells: (4, 4, 4)",
+            "cells: §(129, 128, 128)",
+            "nets[2].cells is (129, 128, 128), expected at most 2^21 cells in all".into(),
+        ),
         ("density: 1e3", "density: §-1", format!("nets[2].density is -1.0, {positive}")),
         (
             "subdivisions: 3",
@@ -81,6 +90,21 @@ fn bad_nets_are_refused_with_place_index_and_field() {
         assert_eq!(error.position, Some(Position { line, column }), "{error}");
         assert!(error.to_string().contains(&message), "expected: {message}\nfound:    {error}");
     }
+}
+
+/// A ribbon of 50 m: the number of cells in all is limited, not that along a side.
+#[test]
+fn a_long_strip_of_cloth_is_laid_out() {
+    let ribbon = "width: (50, 0, 0), height: (0, 0, 0.01), cells: (5000, 1)";
+    let text = SHORT.replace("width: (1, 0, 0), height: (0, 0, 1), cells: (20, 20)", ribbon);
+    let scene = MassSpringScene::from_ron(&text).unwrap();
+    assert_eq!(scene.layout().unwrap().topologies[1].positions.len(), 5001 * 2);
+}
+
+#[test]
+fn a_scene_may_be_of_nets_only() {
+    let scene = MassSpringScene::from_ron(&SHORT.replace("particles: [], ", "")).unwrap();
+    assert_eq!(scene, MassSpringScene::from_ron(SHORT).unwrap());
 }
 
 #[test]

@@ -99,6 +99,14 @@ fn bad_values_are_refused_with_place_index_and_field() {
             format!("environment.gravity is [0.0, -inf, 0.0], {vector}"),
         ),
         (
+            "(environment: (gusts: Some((length: 2, strength: §-1))), particles: [])".to_owned(),
+            format!("environment.gusts.strength is -1.0, {not_negative}"),
+        ),
+        (
+            "(environment: (gusts: (time: §0)), particles: [])".to_owned(),
+            format!("environment.gusts.time is 0.0, {positive}"),
+        ),
+        (
             "(collisions: (restitution: §-0.5), particles: [])".to_owned(),
             format!("collisions.restitution is -0.5, {fraction}"),
         ),
@@ -161,7 +169,7 @@ fn malformed_text_is_refused_with_place_and_field() {
         (two_particles_and("collisions: (\ngroud: true)"), 7, "collisions", "`groud` in `Collisions`"),
         // A field that must be there.
         (two_particles_and("springs: [\n(particles: (0, 1))]"), 7, "springs[0]", "`stiffness`"),
-        ("(\n)".to_owned(), 2, "", "`particles`"),
+        ("(planes: [\n()])".to_owned(), 2, "planes[0]", "`normal`"),
         // Wrong types.
         ("(particles: [\n(position: (0, 0), mass: 1)])".to_owned(), 2, "particles[0].position", "3"),
         ("(particles: [\n(position: (0, 0, 0), mass: \"1\")])".to_owned(), 2, "particles[0].mass", "float"),
