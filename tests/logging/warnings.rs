@@ -257,3 +257,35 @@ fn invalid_settings_are_named_once_and_are_ignored() {
     assert!(logged.take_one().contains("substeps"));
     assert_eq!(report(&app).substeps, 1);
 }
+
+/// What is written to the arrays of a net is checked as components are: the warning names the net, the particle and the field.
+#[test]
+fn a_bad_value_of_a_net_is_named_with_net_and_number() {
+    let logged = Logged::start();
+    let mut app = app();
+    let chain = unrelated_chain(&mut app);
+    let rope = Rope::new(1.0).with_segments(9).topology().unwrap();
+    let net = app.world_mut().spawn(ParticleNet::new(rope.into(), &Transform::IDENTITY)).id();
+    run(&mut app, 10);
+    logged.assert_silent();
+    let bad = [
+        ("position", Vec3::new(f32::NAN, 0.0, 0.0)),
+        ("velocity", Vec3::new(0.0, f32::INFINITY, 0.0)),
+        ("applied force", Vec3::NAN),
+    ];
+    for (field, value) in bad {
+        let mut arrays = app.world_mut().get_mut::<ParticleNet>(net).unwrap();
+        match field {
+            "position" => arrays.positions_mut()[6] = value,
+            "velocity" => arrays.velocities_mut()[6] = value,
+            _ => arrays.applied_forces_mut()[6] = value,
+        }
+        run(&mut app, 1);
+        assert_names(&logged.take_one(), net, &["particle 6 of net", field]);
+        app.world_mut().get_mut::<ParticleNet>(net).unwrap().clear_applied_forces();
+        run(&mut app, 4);
+        logged.assert_silent();
+    }
+    assert_eq!((report(&app).faults, report(&app).springs), (0, 13));
+    assert_eq!(hash(&app, &chain), undisturbed(25));
+}

@@ -1,11 +1,12 @@
 //! Nets and the same as entities: the same bits.
 
 use bevy::prelude::*;
+use bevy_mass_spring::nets::Topology;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Integrator;
 
 use super::common::{app, bits, run, scheme, spawn, spawn_pinned};
-use super::shapes::{cloth, net, net_bits, rope, spawn_entities, spawn_net};
+use super::shapes::{cloth, net, net_bits, rope, spawn_entities, spawn_net, with_bends};
 
 fn entity_bits(app: &App, particles: &[Entity]) -> Vec<[u32; 6]> {
     particles.iter().map(|particle| bits(app, *particle)).collect()
@@ -14,10 +15,20 @@ fn entity_bits(app: &App, particles: &[Entity]) -> Vec<[u32; 6]> {
 /// Two nets and a floor, as entities and as nets, in every scheme and with automatic substeps; far from the origin, too.
 #[test]
 fn a_net_moves_to_the_bit_as_the_same_entities_do() {
+    compare_with_entities([cloth(9), rope(30)]);
+}
+
+/// The same with entities that are bends.
+#[test]
+fn a_net_with_bends_moves_to_the_bit_as_the_same_entities_do() {
+    compare_with_entities([with_bends(cloth(9)), with_bends(rope(30))]);
+}
+
+fn compare_with_entities([sheet, line]: [Topology; 2]) {
+    let topologies = [(sheet, [0, 8]), (line, [0, 0])];
     let settings = Integrator::named().map(|integrator| scheme(integrator, 16));
     for settings in settings.chain([SolverSettings::default()]) {
         for place in [Vec3::new(0.0, 0.3, 0.0), Vec3::new(5000.0, 0.3, -70.0)] {
-            let topologies = [(cloth(9), [0, 8]), (rope(30), [0, 0])];
             let [mut apart, mut together] = [app(), app()];
             for app in [&mut apart, &mut together] {
                 app.insert_resource(settings);

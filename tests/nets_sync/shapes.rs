@@ -50,6 +50,28 @@ pub fn rope(count: u32) -> Topology {
     topology
 }
 
+/// The same with bends along it, or along the rows and columns of a cloth.
+pub fn with_bends(mut topology: Topology) -> Topology {
+    let bend =
+        solver::Bend { stiffness: 3.0, damping: 0.01, weights: [1.0, -2.0, 1.0], ..Default::default() };
+    let mut add = |ends: [u32; 3]| topology.rods.push((ends, bend));
+    match topology.layout {
+        Layout::Grid { cells: [x, y] } => {
+            let number = |column: u32, row: u32| row * (x + 1) + column;
+            for (row, column) in (0..=y).flat_map(|row| (0..=x).map(move |column| (row, column))) {
+                if column + 2 <= x {
+                    add([0, 1, 2].map(|step| number(column + step, row)));
+                }
+                if row + 2 <= y {
+                    add([0, 1, 2].map(|step| number(column, row + step)));
+                }
+            }
+        }
+        _ => (2..topology.masses.len() as u32).for_each(|last| add([last - 2, last - 1, last])),
+    }
+    topology
+}
+
 /// Spawns a net.
 pub fn spawn_net(app: &mut App, topology: &Topology, place: Vec3, pinned: &[u32]) -> Entity {
     let frame = Transform::from_translation(place);
@@ -79,6 +101,11 @@ pub fn spawn_entities(app: &mut App, topology: &Topology, place: Vec3, pinned: &
                 .with_stiffness(spring.stiffness)
                 .with_damping(spring.damping);
         entity.max_stretch = spring.max_stretch;
+        app.world_mut().spawn(entity);
+    }
+    for (ends, bend) in &topology.rods {
+        let [first, middle, last] = ends.map(|end| particles[end as usize]);
+        let entity = Bend::new(first, middle, last).with_stiffness(bend.stiffness).with_damping(bend.damping);
         app.world_mut().spawn(entity);
     }
     particles
