@@ -106,7 +106,7 @@ impl From<Plane3d> for Cloth {
 }
 
 impl Cloth {
-    /// The most cells in all.
+    /// The greatest number of cells in all.
     pub const MAX_CELLS: u32 = 1 << 24;
 
     /// An upright sheet about the origin, as Bevy's rectangle: width along X, height along Y, its front towards Z.
