@@ -264,7 +264,7 @@ fn recipes_that_cannot_be_are_refused_by_name() {
     let parallel = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::X * 2.0, UVec2::ONE);
     assert_eq!(message(parallel), "width × height has no area");
     let none = Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Y, UVec2::new(3, 0));
-    assert_eq!(message(none), "cells.y is 0, expected 1 to 4096");
+    assert_eq!(message(none), "cells.y is 0, expected 1 to 16777216");
     assert_eq!(message(Cloth::from_mesh()), "a cloth from a mesh needs a mesh");
     assert_eq!(
         Cloth::topology_of(&TriangleMesh::default()).expect_err("refused").to_string(),
