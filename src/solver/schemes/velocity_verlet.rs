@@ -115,10 +115,14 @@ pub(super) fn correct(
 ) {
     let axes = velocity.axes_mut().into_iter().zip(first.axes().into_iter().zip(again.axes()));
     for (velocity, (first, again)) in axes {
-        for slot in blocks.blocks.iter().flat_map(|block| block.slots.clone()) {
-            // All others keep their velocity to the bit, the sign of a zero included.
-            if again[slot] != first[slot] {
-                velocity[slot] += share(slot) * (again[slot] - first[slot]);
+        for slots in blocks.blocks.iter().map(|block| block.slots.clone()) {
+            let (first, again) = (&first[slots.clone()], &again[slots.clone()]);
+            let velocity = &mut velocity[slots.clone()];
+            for index in 0..velocity.len() {
+                let difference = again[index] - first[index];
+                let corrected = velocity[index] + share(slots.start + index) * difference;
+                // All others keep their velocity to the bit, the sign of a zero included.
+                velocity[index] = if difference == 0.0 { velocity[index] } else { corrected };
             }
         }
     }
