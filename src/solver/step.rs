@@ -228,7 +228,7 @@ impl Caches {
             return;
         }
         let ends_step = plan.begins_implicit_step(index + 1);
-        self.solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
+        self.read_solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
         let (islands, stiff) = self.planner.stiff_islands();
         let is_between = plan.stiff_substeps > 0 && !ends_step;
         let State { particles, elements, pulls, contacts, releases, .. } = state;

@@ -90,7 +90,7 @@ impl Snapshot {
         let state = Some(state.clone());
         let mut snapshot =
             Self { particles, springs, bends, nets, parts, colliders, state, ..Self::default() };
-        snapshot.options = OptionalComponents::of(world, snapshot.entities().into_iter());
+        snapshot.options = OptionalComponents::of(world, snapshot.entities_with_options().into_iter());
         snapshot
     }
 
@@ -143,15 +143,13 @@ impl Snapshot {
 
     /// All entities that it holds, particles first.
     fn entities(&self) -> Vec<Entity> {
-        let parts = [
-            self.particle_entities(),
-            self.spring_entities(),
-            self.bend_entities(),
-            self.net_entities(),
-            self.part_entities(),
-            self.collider_entities(),
-        ];
-        parts.concat()
+        [self.entities_with_options(), self.spring_entities(), self.bend_entities()].concat()
+    }
+
+    /// Those that may have optional components: all but springs and bends.
+    fn entities_with_options(&self) -> Vec<Entity> {
+        let of_parts = [self.net_entities(), self.part_entities(), self.collider_entities()].concat();
+        [self.particle_entities(), of_parts].concat()
     }
 
     fn particle_entities(&self) -> Vec<Entity> {
@@ -179,7 +177,7 @@ impl Snapshot {
     }
 
     fn put_back(self, world: &mut World) {
-        let entities = self.entities();
+        let entities = self.entities_with_options();
         let Self { particles, springs, bends, nets, parts, colliders, options, state } = self;
         for record in particles {
             if let Ok(mut entity) = world.get_entity_mut(record.entity)

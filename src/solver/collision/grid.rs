@@ -2,7 +2,7 @@
 //!
 //! Spheres are sorted into cells by counting (count, prefix sum, fill) in flat arrays. Two things keep
 //! it linear in the number of spheres whatever their arrangement: cells are numbered by a hash of
-//! their coordinates, so that a sphere far away costs no empty cells; and spheres whose sizes differ
+//! their coordinates, so that a sphere far away costs no empty cells; and spheres with sizes that differ
 //! by more than a factor of two are in grids of different cell sizes, so that a cell never holds very
 //! many small spheres because of one large one. (Hashed grids: Teschner et al., *Optimized spatial
 //! hashing for collision detection of deformable objects*, VMV 2003. Several grids: Eitz and Gu,
@@ -18,9 +18,9 @@ use crate::solver::particles::Vectors;
 /// Spheres tested together.
 const LANES: usize = 4;
 
-/// Number of partners that a sphere finds of its own size or larger, at most: the densest packing of spheres that do
-/// not overlap has about half as many within thick skins. Those that find so many are *crowded*: put into each
-/// other, they would all have each other as partners.
+/// Greatest number of listed partners of a sphere that are of its own size or larger: the densest packing of spheres that do
+/// not overlap has about half as many within thick skins. A sphere with so many is *crowded*: where spheres are put into each
+/// other, all would be partners of all.
 const MAX_PARTNERS: usize = 64;
 
 /// Number of them that a crowded one keeps: enough to come apart, and few enough to be solved.

@@ -264,8 +264,8 @@ impl Obstacles {
         self.planes.is_empty() && self.solids.is_empty() && self.spheres.is_empty()
     }
 
-    /// Calls `found` for each collider that an edge or triangle may touch, whose corners go from the first to the second
-    /// places in `duration` seconds; with its coefficients of restitution and friction against the particle in this
+    /// Calls `found` for each collider that an edge or triangle may touch when its corners move from the first to the second
+    /// places in `duration` seconds; with the collider's coefficients of restitution and friction against the particle in this
     /// `slot`.
     pub fn near_feature(
         &self,

@@ -4,14 +4,13 @@ use super::{Caches, Field, Outputs, Plan, State, StepSettings};
 use crate::solver::collision::ContactPartner;
 
 impl Caches {
-    /// The tension of each element that implicit steps have solved for, N; NaN of others.
-    pub(super) fn solved_tensions(&mut self, plan: Plan, elements: usize) -> &[f64] {
+    /// Reads the tension of each element that implicit steps have solved for, N; NaN of others. Empty if none has.
+    pub(super) fn read_solved_tensions(&mut self, plan: Plan, elements: usize) {
         self.tensions.clear();
         if plan.is_implicit() {
             self.tensions.resize(elements, f64::NAN);
             self.implicit_euler.read_tensions(&mut self.tensions);
         }
-        &self.tensions
     }
 
     /// Writes tensions and reactions at the end of a tick into `outputs`, if they are asked for: of what rests those that balance
@@ -27,19 +26,25 @@ impl Caches {
             return;
         }
         let State { elements, particles, .. } = state;
-        self.solved_tensions(plan, elements.len());
+        self.read_solved_tensions(plan, elements.len());
         self.tensions.resize(elements.len(), f64::NAN);
         let Self { balance, tensions, stopped: is_held, contacts, surfaces, implicit_euler, air, .. } = self;
         is_held.clear();
         is_held.resize(particles.len(), false);
-        contacts.for_each_touching(|slot| is_held[slot] = true);
-        contacts.stopped_at_colliders().iter().for_each(|slot| is_held[*slot as usize] = true);
-        surfaces.for_each_touching(|slot| is_held[slot] = true);
+        // Where all sleeps the contacts are those of an earlier tick, maybe of particles that are gone.
+        let mut hold = |slot: usize| {
+            if let Some(is_held) = is_held.get_mut(slot) {
+                *is_held = true;
+            }
+        };
+        contacts.for_each_touching(&mut hold);
+        contacts.stopped_at_colliders().iter().for_each(|slot| hold(*slot as usize));
+        surfaces.for_each_touching(&mut hold);
         if plan.is_implicit() {
             for contact in implicit_euler.touching() {
-                is_held[contact.slot] = true;
+                hold(contact.slot);
                 if let ContactPartner::Particle(other) = contact.other {
-                    is_held[other] = true;
+                    hold(other);
                 }
             }
         }

@@ -32,8 +32,8 @@ pub(in crate::solver) struct Deepest {
 }
 
 impl Shape {
-    /// The deepest point of an edge between its ends, whose radii go from one to the other, m; where its surface is not
-    /// farther than `within` m.
+    /// The deepest point of an edge between its ends, with a radius that varies linearly from one to the other, m; where its surface
+    /// is not farther than `within` m.
     ///
     /// # Errors
     /// Where there is none: a gap, m, below which no point of the edge is, its ends included; −∞ if none is known.

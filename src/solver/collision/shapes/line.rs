@@ -98,7 +98,7 @@ impl Line<'_> {
     }
 }
 
-/// How far from `from` the tangents at two places cross, whose values and slopes are given.
+/// The distance from `from` at which the tangents at two places cross; `low` and `high` are value and slope at each.
 fn crossing_of_tangents([from, to]: [f64; 2], [low, high]: [(f64, f64); 2]) -> f64 {
     let place = (low.0 - high.0 + high.1 * (to - from)) / (high.1 - low.1);
     // No `clamp`, which panics where all is NaN, as in a simulation that has diverged.

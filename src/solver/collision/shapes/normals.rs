@@ -5,7 +5,7 @@ use bevy::math::{DVec3, Vec3};
 use super::mesh::{MeshError, MeshKind};
 use super::triangle::Feature;
 
-/// A closed mesh whose volume is less than this part of that of a cube of the same surface is a sheet.
+/// A closed mesh counts as a sheet if its volume is below this fraction of that of a cube of the same surface area.
 const LEAST_VOLUME: f64 = 1e-9;
 
 /// Those of a triangle: of its face, its edges and its corners.

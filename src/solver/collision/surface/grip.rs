@@ -34,7 +34,7 @@ impl Grip {
 }
 
 /// No further grip.
-const NONE: u32 = u32::MAX;
+const NO_GRIP: u32 = u32::MAX;
 
 /// The grips of the substep before, by the first corner of the pair: working memory.
 #[derive(Debug, Clone, Default)]
@@ -51,14 +51,14 @@ impl Grips {
         let Self { all, last, before } = self;
         for slot in all.drain(..).map(|grip| grip.slots[0] as usize) {
             if let Some(last) = last.get_mut(slot) {
-                *last = NONE;
+                *last = NO_GRIP;
             }
         }
         std::mem::swap(all, remembered);
-        last.resize(particles, NONE);
+        last.resize(particles, NO_GRIP);
         before.clear();
         before.extend((0..).zip(&*all).map(|(number, grip)| {
-            last.get_mut(grip.slots[0] as usize).map_or(NONE, |last| std::mem::replace(last, number))
+            last.get_mut(grip.slots[0] as usize).map_or(NO_GRIP, |last| std::mem::replace(last, number))
         }));
     }
 
@@ -118,7 +118,7 @@ mod tests {
         remembered.clear();
         grips.take(&mut remembered, 6);
         assert_eq!(recalled(&grips, &pairs), [Vec3A::ZERO; 4]);
-        assert!(grips.last.iter().all(|last| *last == NONE));
+        assert!(grips.last.iter().all(|last| *last == NO_GRIP));
     }
 
     #[test]
