@@ -5,6 +5,7 @@
 
 mod air;
 mod ambiguity;
+mod attachments;
 mod bend_entities;
 mod bends;
 mod breaking;

@@ -1,15 +1,13 @@
-//! What breaks in an app: springs, nets, attachments; ropes on winches.
+//! What breaks in an app: springs and nets; ropes on winches.
 
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use bevy_mass_spring::nets::{
-    Attachment, Breaking, Cloth, ClothMaterial, Layout, Part, PartOf, ParticleNet, Topology, Winch, pieces,
-};
+use bevy_mass_spring::nets::{Breaking, Layout, Part, PartOf, ParticleNet, Topology, Winch, pieces};
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver;
 
-use crate::common::{app, bits, join, plain, position, report, run, spawn, spawn_pinned};
+use crate::common::{app, bits, join, plain, report, run, spawn, spawn_pinned};
 
 /// The events of the app.
 #[derive(Resource, Default)]
@@ -19,7 +17,7 @@ struct Seen(Vec<Broke>);
 #[derive(Resource, Default)]
 struct Read(Vec<Broke>);
 
-fn watching() -> App {
+pub fn watching() -> App {
     let mut app = app();
     plain(&mut app);
     app.insert_resource(SolverSettings::default());
@@ -32,12 +30,12 @@ fn watching() -> App {
     app
 }
 
-fn seen(app: &App) -> &[Broke] {
+pub fn seen(app: &App) -> &[Broke] {
     &app.world().resource::<Seen>().0
 }
 
 /// A rope of `links` links of 0.1 m and 10 g, straight down from the origin.
-fn rope(links: u32) -> Arc<Topology> {
+pub fn rope(links: u32) -> Arc<Topology> {
     let link = solver::Spring::elastic(0.1, 5e3, 5.0);
     Arc::new(Topology {
         positions: (0..=links).map(|number| Vec3::NEG_Y * (number as f32 * 0.1)).collect(),
@@ -48,7 +46,7 @@ fn rope(links: u32) -> Arc<Topology> {
     })
 }
 
-fn net(app: &App, entity: Entity) -> &ParticleNet {
+pub fn net(app: &App, entity: Entity) -> &ParticleNet {
     app.world().get(entity).unwrap()
 }
 
@@ -176,58 +174,6 @@ fn a_cloth_tears() {
     assert!(longest < 0.3, "{longest} m");
 }
 
-/// A lamp of 2 kg on a rope that is tied to a hook, which is no particle: both ties bear it; then the hook turns, and the
-/// lamp is too heavy.
-#[test]
-fn attachments_pull_and_break() {
-    let mut app = watching();
-    app.init_resource::<SpringForces>();
-    let hook = app.world_mut().spawn(Transform::from_xyz(0.5, 0.0, 0.0)).id();
-    let lamp = spawn(&mut app, 2.0, 0.0, Vec3::NEG_Y * 1.05);
-    let rope = app.world_mut().spawn(ParticleNet::new(rope(10), &Transform::IDENTITY)).id();
-    let start = app.world_mut().spawn((PartOf(rope), Part::Start, Attachment::to(hook))).id();
-    let end = app.world_mut().spawn((PartOf(rope), Part::End, Attachment::to(lamp).breaking_at(40.0))).id();
-    app.world_mut().resource_mut::<Environment>().viscosity = 2.0;
-    run(&mut app, 600);
-    let tension = |app: &App, part: Entity| {
-        let forces = &app.world().resource::<SpringForces>().tensions;
-        forces.iter().find(|(spring, _)| *spring == part).unwrap().1
-    };
-    assert!((tension(&app, end) - 2.0 * 9.81).abs() < 0.05, "{}", tension(&app, end));
-    assert!((tension(&app, start) - 2.11 * 9.81).abs() < 0.05, "{}", tension(&app, start));
-    app.world_mut().get_mut::<Transform>(hook).unwrap().translation.y = 0.5;
-    run(&mut app, 60);
-    let top = net(&app, rope).positions()[0];
-    assert!((top.y - 0.5).abs() < 0.02, "{top}");
-    app.world_mut().get_mut::<Particle>(lamp).unwrap().mass = 5.0;
-    run(&mut app, 120);
-    assert_eq!(seen(&app).iter().map(|broke| broke.entity).collect::<Vec<_>>(), [end]);
-    assert!(app.world().get::<Broken>(end).is_some());
-    // Without its attachment the rope falls.
-    app.world_mut().resource_mut::<Environment>().viscosity = 0.0;
-    app.world_mut().entity_mut(start).remove::<Attachment>();
-    run(&mut app, 60);
-    assert!(net(&app, rope).positions()[0].y < -1.0);
-}
-
-/// Two ropes, spawned in the same tick as the parts that tie them: the tie is as long as they are apart.
-#[test]
-fn ropes_are_tied_to_each_other_where_they_are() {
-    let mut app = watching();
-    app.world_mut().resource_mut::<Environment>().viscosity = 1.0;
-    let place = Transform::from_xyz(2.0, 3.0, 0.0);
-    let upper = app.world_mut().spawn(ParticleNet::new(rope(5), &place)).id();
-    app.world_mut().spawn((PartOf(upper), Part::Start, Pinned));
-    let end = app.world_mut().spawn((PartOf(upper), Part::End)).id();
-    let below = place.with_translation(place.translation - Vec3::Y * 0.6);
-    let lower = app.world_mut().spawn(ParticleNet::new(rope(5), &below)).id();
-    app.world_mut().spawn((PartOf(lower), Part::Start, Attachment::to(end)));
-    run(&mut app, 300);
-    let [bottom, top] = [net(&app, upper).positions()[5], net(&app, lower).positions()[0]];
-    // It bears 55 g: 5e3 N/m give by 1e-4 m.
-    assert!((bottom.distance(top) - 0.1).abs() < 3e-4, "{bottom} {top}");
-}
-
 /// A winch lifts a load by v t, ends at its shortest length, pays out beyond what was laid out, and stalls at its greatest force.
 #[test]
 fn a_winch_lifts_lowers_and_stalls() {
@@ -258,152 +204,4 @@ fn a_winch_lifts_lowers_and_stalls() {
     app.world_mut().get_mut::<Winch>(jib).unwrap().max_force = Some(9.0);
     run(&mut app, 128);
     assert!((length(&app) - 1.5).abs() < 0.01, "{}", length(&app));
-}
-
-/// A cape of 0.6 m × 1 m and 0.12 kg that hangs by the five particles of its upper edge, which are painted, on a neck; this is
-/// on a moving figure.
-struct Caped {
-    app: App,
-    figure: Entity,
-    neck: Entity,
-    cape: Entity,
-    held: Entity,
-}
-
-const NECK: Vec3 = Vec3::new(0.0, 1.0, -0.2);
-
-fn caped(attach: impl Fn(Entity) -> Attachment) -> Caped {
-    let mut app = watching();
-    app.init_resource::<SpringForces>();
-    app.world_mut().resource_mut::<Environment>().viscosity = 0.02;
-    let figure = app.world_mut().spawn(Transform::IDENTITY).id();
-    let neck = app.world_mut().spawn((Transform::from_translation(NECK), ChildOf(figure))).id();
-    let material = ClothMaterial { area_density: 0.2, stretch_stiffness: 500.0, ..default() };
-    let sheet = Cloth::grid(Vec3::new(-0.3, 0.0, -0.3), Vec3::X * 0.6, Vec3::Y, UVec2::new(4, 6));
-    let mut topology = sheet.with_material(material).topology().unwrap();
-    topology.paint("PIN", |_, place| place.y > 0.99);
-    let cape = app.world_mut().spawn(ParticleNet::new(Arc::new(topology), &Transform::IDENTITY)).id();
-    let part = Part::Painted("PIN".into());
-    let held = app.world_mut().spawn((PartOf(cape), part, attach(neck))).id();
-    Caped { app, figure, neck, cape, held }
-}
-
-impl Caped {
-    /// The painted particles, and where they were laid out.
-    fn painted(&self) -> Vec<(Vec3, Vec3)> {
-        let net = net(&self.app, self.cape);
-        let topology = net.topology();
-        let painted = topology.painted("PIN").unwrap().iter().map(|particle| *particle as usize);
-        painted.map(|particle| (net.positions()[particle], topology.positions[particle])).collect()
-    }
-
-    /// The entities of the ties.
-    fn ties(&self) -> Vec<Entity> {
-        self.app.world().get::<Children>(self.held).map_or(Vec::new(), |children| children.to_vec())
-    }
-
-    fn net_bits(&self) -> Vec<[u32; 3]> {
-        net(&self.app, self.cape).positions().iter().map(|at| at.to_array().map(f32::to_bits)).collect()
-    }
-}
-
-/// Each painted particle is tied by itself, to its place in the frame of the neck: they follow it, turned as it is. Together
-/// they bear the cape; a restart ties it in the same way; without the attachment it falls.
-#[test]
-fn a_cape_hangs_by_its_painted_part_on_a_moving_figure() {
-    let mut caped = caped(|neck| Attachment::to(neck).with_stiffness(2e3));
-    run(&mut caped.app, 60);
-    let first = caped.net_bits();
-    RestoreInitialState.apply(caped.app.world_mut());
-    run(&mut caped.app, 60);
-    assert!(caped.net_bits() == first, "a restart changes no bit");
-    // Round a corner: 2 m along x within a second, while it turns by a quarter.
-    for tick in 1..=60 {
-        let share = tick as f32 / 60.0;
-        let turn = Quat::from_rotation_y(share * std::f32::consts::FRAC_PI_2);
-        let place = Transform::from_xyz(2.0 * share, 0.0, 0.0).with_rotation(turn);
-        *caped.app.world_mut().get_mut::<Transform>(caped.figure).unwrap() = place;
-        run(&mut caped.app, 1);
-    }
-    run(&mut caped.app, 600);
-    let ties = caped.ties();
-    assert_eq!(ties.len(), 5);
-    let forces = &caped.app.world().resource::<SpringForces>().tensions;
-    let tension: f32 =
-        forces.iter().filter(|(spring, _)| ties.contains(spring)).map(|(_, force)| force).sum();
-    // They pull sideways a little, too.
-    assert!((tension / (0.12 * 9.81) - 1.0).abs() < 0.02, "{tension} N");
-    let frame = *caped.app.world().get::<Transform>(caped.figure).unwrap();
-    for (found, laid_out) in caped.painted() {
-        // They give by the weight of a quarter of the cape at most.
-        let place = frame.transform_point(laid_out);
-        assert!(found.distance(place) < 0.25 * 0.12 * 9.81 / 2e3 * 1.2, "{found} {place}");
-    }
-    let parts = caped.app.world().get::<Parts>(caped.cape).unwrap().entities().len();
-    assert_eq!((parts, caped.app.world().get::<Children>(caped.neck).unwrap().len()), (6, 5));
-    caped.app.world_mut().entity_mut(caped.held).remove::<Attachment>();
-    run(&mut caped.app, 30);
-    assert!(caped.ties().is_empty() && caped.app.world().get::<Children>(caped.neck).is_none());
-    // It would have fallen by 1.1 m in vacuum.
-    assert!(caped.painted().iter().all(|(place, _)| place.y < 0.6), "{:?}", caped.painted());
-    // Attached again it is tied where it is by then.
-    let low = caped.painted()[0].0;
-    caped.app.world_mut().entity_mut(caped.held).insert(Attachment::to(caped.neck));
-    run(&mut caped.app, 300);
-    assert!(caped.painted()[0].0.distance(low) < 0.2, "{low} {:?}", caped.painted());
-    assert!(seen(&caped.app).is_empty());
-}
-
-/// Each particle has the whole breaking force: the seam rips tie by tie.
-#[test]
-fn a_seam_rips_tie_by_tie() {
-    // The ties bear 0.12 kg · g / 5 = 0.24 N each, and 0.29 N at most.
-    let mut caped = caped(|neck| Attachment::to(neck).breaking_at(0.6));
-    run(&mut caped.app, 300);
-    assert!(seen(&caped.app).is_empty(), "{:?}", seen(&caped.app));
-    let ties = caped.ties();
-    // A hand at one corner.
-    let hand =
-        caped.app.world_mut().spawn((PartOf(caped.cape), Part::Particle(0), AppliedForce(Vec3::NEG_Y * 2.0)));
-    let hand = hand.id();
-    run(&mut caped.app, 120);
-    let mut broken: Vec<Entity> = seen(&caped.app).iter().map(|broke| broke.entity).collect();
-    assert!(seen(&caped.app).iter().all(|broke| broke.tension > 0.6 && broke.spring.is_none()));
-    let ticks: Vec<u64> = seen(&caped.app).iter().map(|broke| broke.tick).collect();
-    assert!(ticks.first() < ticks.last(), "not all at once: {ticks:?}");
-    assert!(broken.iter().all(|tie| caped.app.world().get::<Broken>(*tie).is_some()));
-    broken.sort_unstable();
-    let mut expected = ties.clone();
-    expected.sort_unstable();
-    assert_eq!(broken, expected);
-    assert!(position(&caped.app, hand).y < -1.0);
-    // With the part its ties go.
-    caped.app.world_mut().despawn(caped.held);
-    run(&mut caped.app, 1);
-    assert!(ties.iter().all(|tie| caped.app.world().get_entity(*tie).is_err()));
-    assert!(caped.app.world().get::<Children>(caped.neck).is_none());
-}
-
-/// An edge that is tied to a particle: each of its particles as far from it as it was, and it is pulled along.
-#[test]
-fn an_edge_is_tied_to_a_particle_as_it_is() {
-    let mut app = watching();
-    let sheet = Cloth::grid(Vec3::NEG_X * 0.3, Vec3::X * 0.6, Vec3::Y, UVec2::new(4, 6)).topology().unwrap();
-    let ring = spawn_pinned(&mut app, Vec3::new(0.0, 1.5, 0.0));
-    let cloth = app.world_mut().spawn(ParticleNet::new(Arc::new(sheet), &Transform::IDENTITY)).id();
-    let edge = (PartOf(cloth), Part::Edge(bevy_mass_spring::nets::Side::Top), Attachment::to(ring));
-    app.world_mut().spawn(edge);
-    app.world_mut().resource_mut::<Environment>().viscosity = 0.02;
-    run(&mut app, 300);
-    let net = net(&app, cloth);
-    for particle in net.topology().edge(bevy_mass_spring::nets::Side::Top).unwrap() {
-        let laid_out = net.topology().positions[particle as usize].distance(Vec3::Y * 1.5);
-        let found = net.positions()[particle as usize].distance(Vec3::Y * 1.5);
-        assert!(found < 1.02 * laid_out, "{found} {laid_out}");
-    }
-    let before = net.centre();
-    app.world_mut().get_mut::<Transform>(ring).unwrap().translation.x += 0.5;
-    run(&mut app, 300);
-    let moved = self::net(&app, cloth).centre() - before;
-    assert!((moved.x - 0.5).abs() < 0.05, "{moved}");
 }

@@ -4,6 +4,7 @@ mod balls;
 #[path = "../common/mod.rs"]
 mod common;
 mod conservation;
+mod holding_knots;
 mod impacts;
 mod knots;
 mod piles;
