@@ -32,6 +32,10 @@ const VELOCITY_ITERATIONS: usize = 32;
 /// 1 / (1 + 0.03 n) of the least distance, and not as 0.97ⁿ: [`COINCIDENT`], a thousandth of it, is 33,000 substeps away, not 227.
 const APPROACH: f32 = 0.03;
 
+/// Number of bands below the least distance. What was stopped in one of them is certified by the lower end of the next, so that it
+/// is not shortened by a little again and again; the lowest ends at half of the least distance.
+const MAX_BANDS: u32 = 8;
+
 /// How much heavier a particle counts that is pushed already, so that what is in its way yields.
 const PUSHED_HEAVINESS: f32 = 10.0;
 
@@ -53,6 +57,13 @@ struct Tight {
     is_met: bool,
 }
 
+/// Between which distances a pair that starts `distance` apart, m, is stopped at an attempt; the least of the first one is `least`, m.
+fn band(distance: f32, least: f32, attempt: u32) -> [f32; 2] {
+    let width = least.min(distance - least).max(0.0) / (2 * MAX_BANDS) as f32;
+    let lower = least - attempt.min(MAX_BANDS) as f32 * width;
+    [lower, lower + width]
+}
+
 /// Working memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Advance {
@@ -69,14 +80,16 @@ pub(super) struct Advance {
 }
 
 impl Advance {
-    /// Stops the particles that would pass through something on the way from `start`; whether there were any.
+    /// Stops the particles that would pass through something on the way from `start`; whether there were any. The number of the
+    /// `attempt` in the substep counts from 0.
     pub fn stop(
         &mut self,
         (search, on_mesh): (&Search, &[bool]),
         start: &Vectors,
         particles: &mut Particles,
+        attempt: u32,
     ) -> bool {
-        self.find_tight(search, Moving { start, end: &particles.position, particles });
+        self.find_tight(search, Moving { start, end: &particles.position, particles }, attempt);
         if self.tight.is_empty() {
             return false;
         }
@@ -86,14 +99,17 @@ impl Advance {
             parts.clear();
             parts.resize(count, 1.0);
         }
-        self.is_pushed.clear();
         self.is_pushed.resize(count, false);
-        if !self.settle(search, start, particles) {
-            self.put_back(start, particles, on_mesh);
-            self.settle(search, start, particles);
+        match self.settle(search, start, particles, attempt) {
+            Some(0) => return false,
+            Some(_) => {}
+            None => {
+                self.put_back(start, particles, on_mesh);
+                self.find_tight(search, Moving { start, end: &particles.position, particles }, attempt);
+                self.settle(search, start, particles, attempt);
+            }
         }
         self.stop_velocities(search, particles);
-        let mut any = false;
         for slot in self.stopped.iter().map(|slot| *slot as usize) {
             // Some are listed more than once.
             let part = std::mem::replace(&mut self.parts[slot], 1.0);
@@ -101,9 +117,8 @@ impl Advance {
                 let [from, to] = [start.get(slot), particles.position.get(slot)];
                 particles.position.set(slot, if part == 0.0 { from } else { from + part * (to - from) });
             }
-            any |= part < 1.0 || self.is_pushed[slot];
         }
-        any
+        true
     }
 
     /// Removes the approaching velocity of pairs that were stopped, which else would be stopped in each substep.
@@ -134,9 +149,15 @@ impl Advance {
         }
     }
 
-    /// Shortens displacements until all are certified; whether they are after some rounds.
-    fn settle(&mut self, search: &Search, start: &Vectors, particles: &mut Particles) -> bool {
-        (0..MAX_ROUNDS).any(|round| !self.shorten(search, start, particles, round))
+    /// Shortens displacements until all are certified: in how many rounds, or `None` where they are not after [`MAX_ROUNDS`].
+    fn settle(
+        &mut self,
+        search: &Search,
+        start: &Vectors,
+        particles: &mut Particles,
+        attempt: u32,
+    ) -> Option<u32> {
+        (0..MAX_ROUNDS).find(|round| !self.shorten(search, start, particles, [*round, attempt]))
     }
 
     /// Puts all surfaces and balls back to where they were, but for what goes along with pinned ones.
@@ -159,31 +180,38 @@ impl Advance {
         &self.stopped
     }
 
-    /// Nothing was stopped.
+    /// Nothing was stopped or pushed.
     pub fn clear(&mut self) {
         self.stopped.clear();
+        self.is_pushed.clear();
     }
 
-    /// Lists the pairs that are not certified by how little their particles have moved since the search.
-    fn find_tight(&mut self, search: &Search, moving: Moving) {
+    /// Lists the pairs that come too near on their ways, and those that are so near at the start that they would if others stopped.
+    /// Both are in any list of candidates that holds for these ways: which pairs are tight does not depend on when they were found.
+    fn find_tight(&mut self, search: &Search, moving: Moving, attempt: u32) {
         self.tight.clear();
         self.tight.reserve(search.close.len());
         for number in search.close.iter().copied() {
             let candidate = &search.candidates[number as usize];
-            let least = LEAST_PART * candidate.largest_reach();
-            if candidate.least_distance(&search.moved) > (1.0 + CLOSE_PART) * least {
+            let most_near = (1.0 + CLOSE_PART) * LEAST_PART * candidate.largest_reach();
+            if candidate.least_distance(&search.moved) > most_near {
                 continue;
             }
             let ways = candidate.ways(moving);
             let Closest { apart, weights } = ways.closest(0.0);
             let distance = apart.length();
-            // Also what moves together now may not, once one of its particles is stopped.
             if distance.is_nan() || distance <= COINCIDENT * candidate.reach {
                 continue;
             }
             let direction = apart / distance;
+            let least = LEAST_PART * candidate.largest_reach();
             let approach = APPROACH * (distance / least).min(1.0);
             let least = least.min((1.0 - approach) * distance);
+            let band = band(distance, least, attempt);
+            let is_apart = || ways.gap(direction, 1.0) >= band[0] || ways.first_within(distance, band) >= 1.0;
+            if distance > most_near && is_apart() {
+                continue;
+            }
             let weights = candidate.signed(weights);
             let normal = direction;
             self.tight.push(Tight { number, direction, normal, weights, distance, least, is_met: false });
@@ -191,7 +219,13 @@ impl Advance {
     }
 
     /// One round over all pairs; whether any particle goes less far than before.
-    fn shorten(&mut self, search: &Search, start: &Vectors, particles: &mut Particles, round: u32) -> bool {
+    fn shorten(
+        &mut self,
+        search: &Search,
+        start: &Vectors,
+        particles: &mut Particles,
+        [round, attempt]: [u32; 2],
+    ) -> bool {
         let Self { tight, parts, next, stopped, is_pushed, .. } = self;
         let mut any = false;
         for pair in &mut *tight {
@@ -205,11 +239,12 @@ impl Advance {
             for (way, slot) in ways.way.iter_mut().zip(slots) {
                 *way *= parts[slot];
             }
-            if ways.end_gap(pair.direction) >= pair.least {
+            let band = band(pair.distance, pair.least, attempt + round);
+            if ways.gap(pair.direction, 1.0) >= band[0] {
                 continue;
             }
             let may_move_partly = round < MAX_PARTIAL_ROUNDS;
-            let time = ways.first_near(pair.distance, pair.least);
+            let time = ways.first_within(pair.distance, band);
             if time >= 1.0 {
                 continue;
             }

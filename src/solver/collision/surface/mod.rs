@@ -59,8 +59,9 @@ use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
-/// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs.
-const MAX_STOPS: u32 = 4;
+/// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs; after half of them all
+/// go back to where they were.
+const MAX_STOPS: u32 = 16;
 
 /// The place of a particle that touches nothing.
 const NO_PLACE: u32 = u32::MAX;
@@ -194,24 +195,22 @@ impl Surfaces {
         true
     }
 
-    /// Finds the pairs that may touch along the displacements to the present positions: whether it has searched, and whether anything was
-    /// held back for it.
-    fn ensure(&mut self, particles: &mut Particles, wanted: (&[Skin], f32)) -> [bool; 2] {
+    /// Finds the pairs that may touch along the displacements to the present positions; whether anything was held back for it.
+    fn ensure(&mut self, particles: &mut Particles, wanted: (&[Skin], f32)) -> bool {
         let Self { search, primitives, start, confinement, .. } = self;
-        let is_new = search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
+        search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
         let mut is_held = false;
         for with_common in ATTEMPTS {
-            if !(is_new && search.is_overfull) {
+            if !search.is_overfull {
                 break;
             }
             confinement.find(primitives, (start, &particles.position, particles), with_common);
             confinement.shorten(start, &mut particles.position);
             confinement.slow(&mut particles.velocity);
-            search.reset();
             search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
             is_held = true;
         }
-        [is_new, is_held]
+        is_held
     }
 
     /// Whether a pinned particle of a surface has moved in the substep, or one that collides.
@@ -234,22 +233,20 @@ impl Surfaces {
         if !self.is_active {
             return false;
         }
-        let (mut any, mut is_held) = (false, false);
-        for _ in 0..MAX_STOPS {
-            // Where some stop and others go on they may meet what they would have gone along with.
-            let [is_new, is_held_now] = self.ensure(particles, (skins, 0.0));
-            is_held |= is_held_now;
-            if any && !is_new {
-                return true;
+        let mut any = false;
+        for stop in 0..MAX_STOPS {
+            if stop == MAX_STOPS / 2 {
+                self.advance.put_back(&self.start, particles, &self.primitives.on_mesh);
             }
+            // Where some stop and others go on they may meet what they would have gone along with.
+            any |= self.ensure(particles, (skins, 0.0));
             let Self { advance, search, primitives, start, .. } = self;
-            if !advance.stop((search, &primitives.on_mesh), start, particles) {
-                return any || is_held;
+            if !advance.stop((search, &primitives.on_mesh), start, particles, stop) {
+                return any;
             }
             any = true;
         }
-        self.advance.put_back(&self.start, particles, &self.primitives.on_mesh);
-        true
+        any
     }
 
     /// Copies the particles that touch something, and gives the contacts their places.

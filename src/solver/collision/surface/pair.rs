@@ -59,12 +59,13 @@ impl Ways {
         closest(self.kind, &self.at(time))
     }
 
-    /// The distance of the sides at the end along a direction of which they are apart at the start: as a function of time
-    /// this is concave, so that on all the way they are at least as far apart as at one of its ends.
-    pub fn end_gap(&self, direction: Vec3A) -> f32 {
+    /// The distance of the sides along a direction, at the start (`time` 0) or at the end (1). While the order of the sides is that of
+    /// the direction it is a concave function of time, so that on all the way they are at least as far apart as at one of its ends.
+    pub fn gap(&self, direction: Vec3A, time: f32) -> f32 {
         // Relative to a corner, so that little is lost by rounding.
         let (sides, origin) = (self.kind.first_side(), self.start[0]);
-        let along = |corner: usize| direction.dot((self.start[corner] - origin) + self.way[corner]);
+        let along =
+            |corner: usize| direction.dot((self.start[corner] - origin) + time * self.way[corner]);
         let first = (0..sides).map(along).fold(f32::INFINITY, f32::min);
         let second = (sides..self.kind.corners()).map(along).fold(f32::NEG_INFINITY, f32::max);
         first - second
@@ -80,6 +81,13 @@ impl Ways {
         longest(&self.way[..sides]) + longest(&self.way[sides..count])
     }
 
+    /// Whether the direction in which they are apart at the end says that they are at least `least`, m, apart all the way.
+    fn is_apart_at_the_end(&self, least: f32) -> bool {
+        let apart = self.closest(1.0).apart;
+        let distance = apart.length();
+        distance >= least && self.gap(apart / distance, 0.0) >= least
+    }
+
     /// When the sides, which are `distance` m apart at the start, first come as near as `least`, m: a part of the way; 1 if
     /// they never do. It is never later than that, and the distance then is at most 1 + [`CLOSE_PART`] times that: what stops does
     /// not depend on which pairs are looked at that never come so near.
@@ -87,12 +95,16 @@ impl Ways {
     /// Conservative advancement (Mirtich 1996; for such pairs Li, Kaufman and Jiang, *Codimensional incremental potential
     /// contact*, 2021, section 5).
     pub fn first_near(&self, distance: f32, least: f32) -> f32 {
+        self.first_within(distance, [least, least + CLOSE_PART * least.min(distance - least).max(0.0)])
+    }
+
+    /// When they first are between `least` and `close`, m, apart; see [`Self::first_near`].
+    pub fn first_within(&self, distance: f32, [least, close]: [f32; 2]) -> f32 {
         let speed = self.relative_way();
-        if distance - speed > least {
+        if distance - speed > least || self.is_apart_at_the_end(least) {
             return 1.0;
         }
         let (mut time, mut now) = (0.0_f32, distance);
-        let close = least + CLOSE_PART * least.min(distance - least).max(0.0);
         for _ in 0..MAX_STEPS {
             let step = 0.95 * (now - least).max(0.0) / speed;
             if time + step >= 1.0 {
@@ -131,7 +143,7 @@ mod tests {
         assert!((0.1..0.2).contains(&height), "{height}");
         assert_eq!(flight(Vec3A::Z + Vec3A::X * 3.0, Vec3A::Z * -1000.0).first_near(2.0, 0.1), 1.0);
         assert_eq!(flight(Vec3A::Z, Vec3A::Z * 1000.0).first_near(1.0, 0.1), 1.0);
-        assert!(through.end_gap(Vec3A::Z) < 0.0 && flight(Vec3A::Z, Vec3A::X).end_gap(Vec3A::Z) > 0.9);
+        assert!(through.gap(Vec3A::Z, 1.0) < 0.0 && flight(Vec3A::Z, Vec3A::X).gap(Vec3A::Z, 1.0) > 0.9);
     }
 
     #[test]

@@ -124,13 +124,8 @@ impl Search {
     }
 
     /// Makes the candidates good for a substep: all pairs that come within `margin` m of touching are among them, in an order
-    /// that does not depend on when they were found. Whether it has searched.
-    pub fn ensure(
-        &mut self,
-        primitives: &Primitives,
-        moving: Moving,
-        (skins, margin): (&[Skin], f32),
-    ) -> bool {
+    /// that does not depend on when they were found.
+    pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
         // Those that were found for fast motions are too many for slow ones.
         self.age = self.age.saturating_add(1);
         let many = MANY_PAIRS * (primitives.forest.edges.len() + primitives.forest.triangles.len());
@@ -143,7 +138,7 @@ impl Search {
             // Where that finds as many again, it is done less often.
             let is_in_vain = is_old && self.candidates.len() > many;
             self.max_age = if is_in_vain { self.max_age.max(MAX_AGE).saturating_mul(2) } else { MAX_AGE };
-            (self.is_good, self.age) = (true, 0);
+            (self.is_good, self.age) = (!self.is_overfull, 0);
             self.limits = [-1.0; 2];
             // Beyond all scales it may not hold even now: then all candidates are looked at.
             if !self.still_holds(primitives, moving) {
@@ -161,7 +156,6 @@ impl Search {
                 self.measure_all(primitives, moving);
             }
         }
-        is_new
     }
 
     /// Lists the candidates that may touch before any vertex is farther than the limits.

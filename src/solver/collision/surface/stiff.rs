@@ -74,14 +74,13 @@ impl Surfaces {
             end.set(slot, start.get(slot) + h * particles.velocity.get(slot));
         }
         let rebound = rebound_of(settings, (Integrator::ImplicitEuler, h));
-        let is_new = search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
+        search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
         for with_common in ATTEMPTS {
-            if !(is_new && search.is_overfull) {
+            if !search.is_overfull {
                 break;
             }
             confinement.find(primitives, (start, end, particles), with_common);
             confinement.shorten(start, end);
-            search.reset();
             search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
         }
         let moving = Moving { start, end, particles };
