@@ -74,7 +74,8 @@ impl Failures {
         let key = Some((elements.failures_version(), elements.ends_version(), particles.free_version()));
         self.waiting.clear();
         self.reported.clear();
-        if self.key == key && releases.is_empty() {
+        let has_same_springs = self.key.is_some_and(|(failures, ..)| failures == elements.failures_version());
+        if (self.key == key && releases.is_empty()) || has_same_springs && self.candidates.is_empty() {
             return;
         }
         self.key = key;

@@ -237,13 +237,9 @@ impl Elimination {
         });
         self.elements.extend(pairs.iter().map(|pair| pair.element));
         self.ends.extend(pairs.iter().map(|pair| [pair.ends[0], pair.ends[1]]));
-        self.tree_starts.resize(self.trees + 1, 0);
-        for ends in self.ends.iter().take_while(|ends| ends[0] < trees) {
-            self.tree_starts[ends[0] as usize + 1] += 1;
-        }
-        for node in 0..self.trees {
-            self.tree_starts[node + 1] += self.tree_starts[node];
-        }
+        // The elements are sorted by tree node, those of the core last.
+        let start_of = |node: u32| self.ends.partition_point(|ends| ends[0] < node) as u32;
+        self.tree_starts.extend((0..=trees).map(start_of));
         for ends in self.ends[self.tree_elements()..].iter().take_while(|ends| ends[1] < free) {
             let [first, second] = ends.map(|end| (end - trees) as usize);
             match self.runs.last_mut() {

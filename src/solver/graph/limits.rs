@@ -2,7 +2,7 @@
 
 use super::islands::Forest;
 use crate::solver::buckets::Buckets;
-use crate::solver::elements::{Elements, Spring};
+use crate::solver::elements::Elements;
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
 
@@ -11,6 +11,8 @@ use crate::solver::state::Version;
 pub(in crate::solver) struct Limits {
     pub groups: Vec<LimitGroup>,
     key: Option<(Version, Version)>,
+    /// Whether there is any spring with a limit, be it between pinned particles.
+    any: bool,
 }
 
 /// Some particles and the limited springs between them.
@@ -41,27 +43,29 @@ impl Limits {
     /// Makes them those of the present springs.
     pub fn refresh(&mut self, elements: &Elements, particles: &Particles) {
         let key = Some((elements.limits_version(), particles.free_version()));
-        if self.key != key {
-            self.key = key;
-            self.groups.clear();
-            let limited = limited(elements, particles);
-            if !limited.is_empty() {
-                self.groups = groups(&limited, particles);
-            }
+        let has_same_springs = self.key.map(|(limits, _)| limits) == key.map(|(limits, _)| limits);
+        if self.key == key || has_same_springs && !self.any {
+            return;
+        }
+        self.key = key;
+        self.groups.clear();
+        let limited = limited(elements);
+        self.any = !limited.is_empty();
+        let has_free_end =
+            |(_, ends): &(u32, [u32; 2])| !ends.iter().all(|end| particles.is_pinned(*end as usize));
+        let limited: Vec<_> = limited.into_iter().filter(has_free_end).collect();
+        if !limited.is_empty() {
+            self.groups = groups(&limited, particles);
         }
     }
 }
 
-/// The numbers and ends of the springs with a strain limit and a free end.
-fn limited(elements: &Elements, particles: &Particles) -> Vec<(u32, [u32; 2])> {
+/// The numbers and ends of the springs with a strain limit.
+fn limited(elements: &Elements) -> Vec<(u32, [u32; 2])> {
     let springs = elements.springs();
-    let all = (0..).zip(springs.all_ends().iter().zip(springs.elements()));
-    let is_limited = |ends: &[u32; 2], spring: &Spring| {
-        spring.max_stretch.is_some() && !ends.iter().all(|end| particles.is_pinned(*end as usize))
-    };
-    all.filter(|(_, (ends, spring))| is_limited(ends, spring))
-        .map(|(number, (ends, _))| (number, *ends))
-        .collect()
+    let all = (0..).zip(springs.elements()).zip(springs.all_ends());
+    let limited = all.filter(|((_, spring), _)| spring.max_stretch.is_some());
+    limited.map(|((number, _), ends)| (number, *ends)).collect()
 }
 
 fn groups(limited: &[(u32, [u32; 2])], particles: &Particles) -> Vec<LimitGroup> {

@@ -64,8 +64,7 @@ impl Ways {
     pub fn gap(&self, direction: Vec3A, time: f32) -> f32 {
         // Relative to a corner, so that little is lost by rounding.
         let (sides, origin) = (self.kind.first_side(), self.start[0]);
-        let along =
-            |corner: usize| direction.dot((self.start[corner] - origin) + time * self.way[corner]);
+        let along = |corner: usize| direction.dot((self.start[corner] - origin) + time * self.way[corner]);
         let first = (0..sides).map(along).fold(f32::INFINITY, f32::min);
         let second = (sides..self.kind.corners()).map(along).fold(f32::NEG_INFINITY, f32::max);
         first - second

@@ -6,8 +6,8 @@ use bevy::prelude::*;
 use bevy_mass_spring::nets::{Cloth, Rope, RopeMaterial};
 use bevy_mass_spring::prelude::*;
 
-use super::common::{app, run};
 use super::shapes::{net, net_bits, rope, spawn_net};
+use crate::common::{app, run};
 
 #[test]
 fn a_recipe_is_laid_out_where_its_entity_is() {
@@ -19,7 +19,7 @@ fn a_recipe_is_laid_out_where_its_entity_is() {
     app.world_mut().entity_mut(parent).add_child(child);
     let lone = app.world_mut().spawn(recipe).id();
     let sheet = app.world_mut().spawn(Cloth::grid(Vec3::ZERO, Vec3::X, Vec3::Y, UVec2::splat(3))).id();
-    super::common::plain(&mut app);
+    crate::common::plain(&mut app);
     run(&mut app, 1);
     let expected = frame.transform_point(Vec3::new(0.75, 0.0, 1.0));
     assert!(net(&app, child).positions()[3].distance(expected) < 1e-5);
@@ -61,7 +61,7 @@ fn a_net_is_teleported_as_a_whole() {
     let isometry = Isometry3d::new(Vec3::new(100.0, 8.0, -50.0), Quat::from_rotation_y(2.0));
     let mut nets = Vec::new();
     for app in [&mut here, &mut there] {
-        app.insert_resource(super::common::scheme(
+        app.insert_resource(crate::common::scheme(
             bevy_mass_spring::solver::Integrator::SemiImplicitEuler,
             8,
         ));

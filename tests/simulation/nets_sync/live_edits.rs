@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy_mass_spring::nets::{Part, PartOf, PartState, Side, Topology};
 use bevy_mass_spring::prelude::*;
 
-use super::common::{app, run};
 use super::shapes::net;
+use crate::common::{app, run};
 
 /// A rope of 1 kg/m, stiff against bending a little, that hangs from its start.
 fn heavy_rope(segments: u32) -> Rope {

@@ -4,8 +4,8 @@ use bevy::math::{DVec3, Quat, UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, ClothMaterial, Rope, RopeMaterial};
 use bevy_mass_spring::solver::{Collider, Integrator, PairRules, Solver, StepSettings, SubstepMode};
 
+use super::{ELASTIC, SCHEMES, SOFT};
 use crate::common::bodies::{add_net, solver_bits};
-use crate::{ELASTIC, SCHEMES, SOFT};
 
 /// Two small cloths, a rope and a ball that meet in the void.
 fn meeting(integrator: Integrator) -> Solver {

@@ -5,8 +5,8 @@ use bevy_mass_spring::nets::Topology;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Integrator;
 
-use super::common::{app, bits, run, scheme, spawn, spawn_pinned};
 use super::shapes::{cloth, net, net_bits, rope, spawn_entities, spawn_net, with_bends};
+use crate::common::{app, bits, run, scheme, spawn, spawn_pinned};
 
 fn entity_bits(app: &App, particles: &[Entity]) -> Vec<[u32; 6]> {
     particles.iter().map(|particle| bits(app, *particle)).collect()
@@ -86,7 +86,7 @@ fn late_particles_and_removed_nets_leave_the_others_alone() {
 #[test]
 fn written_positions_velocities_pins_and_forces_count() {
     let mut app = app();
-    super::common::plain(&mut app);
+    crate::common::plain(&mut app);
     let mut topology = rope(4);
     topology.springs.clear();
     let entity = spawn_net(&mut app, &topology, Vec3::ZERO, &[]);

@@ -3,7 +3,7 @@
 use bevy::math::{DVec3, UVec3, Vec3};
 use bevy_mass_spring::nets::{Balloon, Jelly, JellyMaterial, MeshBinding, Topology, TriangleMesh};
 
-use crate::statics::{Statics, mean_strain, uniaxial};
+use super::statics::{Statics, mean_strain, uniaxial};
 
 const E: f64 = 1e5;
 

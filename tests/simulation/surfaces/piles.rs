@@ -6,9 +6,9 @@ use bevy::math::{Quat, UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, ClothMaterial};
 use bevy_mass_spring::solver::{Collider, Integrator, PairRules, Solver, StepSettings, SubstepMode};
 
+use super::{LONG_SCHEMES, SOFT};
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
-use crate::{LONG_SCHEMES, SOFT};
 
 fn settings(integrator: Integrator) -> StepSettings {
     StepSettings {

@@ -4,7 +4,7 @@ use bevy::math::DVec3;
 use bevy::prelude::Sphere;
 use bevy_mass_spring::nets::{Balloon, BalloonMaterial, Topology};
 
-use crate::statics::Statics;
+use super::statics::Statics;
 
 fn balloon(radius: f32, subdivisions: u32) -> Topology {
     let material = BalloonMaterial { stretch_stiffness: 1e3, pressure: 10.0, ..BalloonMaterial::default() };

@@ -5,8 +5,8 @@ use bevy_mass_spring::nets::{Breaking, Part, PartOf, Winch};
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Integrator;
 
-use super::common::{app, run, scheme, spawn};
 use super::shapes::{cloth, net, net_bits, rope, spawn_net, with_bends};
+use crate::common::{app, run, scheme, spawn};
 
 /// A cloth and a rope above the ground, and a ball that falls on them.
 fn scene() -> (App, [Entity; 2]) {
@@ -119,7 +119,7 @@ fn a_net_does_not_feel_that_another_one_tears() {
         scheme(Integrator::TrBdf2, 2),
     ] {
         let (mut app, [torn, _]) = torn_and_wound();
-        let mut reference = super::common::app();
+        let mut reference = crate::common::app();
         let nets = [&mut app, &mut reference].map(|app| {
             app.insert_resource(settings);
             app.insert_resource(CollisionSettings { particles: false, ..default() });

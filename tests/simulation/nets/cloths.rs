@@ -3,7 +3,7 @@
 use bevy::math::{DVec3, UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, ClothMaterial, MeshBinding, Topology, TriangleMesh};
 
-use crate::statics::{Statics, mean_strain, uniaxial};
+use super::statics::{Statics, mean_strain, uniaxial};
 
 const K: f64 = 1e3;
 const G: f64 = 3e2;

@@ -1,8 +1,5 @@
 //! Nets in the simulation: the same physics as that of particle and spring entities, in one component.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod contacts;
 mod entities;
 mod faults;

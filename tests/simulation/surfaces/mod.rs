@@ -1,8 +1,6 @@
 //! Ropes, cloths and other surfaces against each other and against themselves: nothing ever passes through anything.
 
 mod balls;
-#[path = "../common/mod.rs"]
-mod common;
 mod conservation;
 mod holding_knots;
 mod impacts;

@@ -6,8 +6,8 @@ use bevy_mass_spring::solver::{
     Integrator, Layers, Material, PairRules, Skin, Solver, StepSettings, SubstepMode,
 };
 
+use super::{ELASTIC, SCHEMES, SOFT};
 use crate::common::bodies::{add_net, positions, solver_bits};
-use crate::{ELASTIC, SCHEMES, SOFT};
 
 fn settings(integrator: Integrator) -> StepSettings {
     StepSettings {

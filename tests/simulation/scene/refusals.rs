@@ -3,7 +3,7 @@
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::scene::{Position, SceneErrorReason};
 
-use crate::EXAMPLE;
+use super::EXAMPLE;
 
 fn refusal(text: &str) -> String {
     MassSpringScene::from_ron(text).expect_err("this scene must be refused").to_string()

@@ -6,7 +6,7 @@ use bevy_mass_spring::solver::{
     Collider, Integrator, Material, PairRules, Pose, Shape, Solver, StepSettings, SubstepMode,
 };
 
-use crate::SOFT;
+use super::SOFT;
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
 

@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Integrator;
 
-use super::common::{app, messages, run, scheme};
 use super::shapes::{cloth, net, rope, spawn_net};
+use crate::common::{app, messages, run, scheme};
 
 #[test]
 fn a_value_that_is_not_finite_is_refused() {

@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::scene::{SceneParticle, ScenePlane, SceneSolver, SceneSpring};
 
-use crate::EXAMPLE;
+use super::EXAMPLE;
 
 #[test]
 fn the_example_of_the_contract() {

@@ -7,8 +7,8 @@ use bevy_mass_spring::nets::{Part, PartOf, Parts, Side};
 use bevy_mass_spring::prelude::*;
 use bevy_mass_spring::solver::Integrator;
 
-use super::common::{app, plain, position, run, scheme, spawn, velocity};
 use super::shapes::{cloth, net, rope, spawn_net};
+use crate::common::{app, plain, position, run, scheme, spawn, velocity};
 
 fn part(app: &mut App, net: Entity, part: Part) -> Entity {
     app.world_mut().spawn((PartOf(net), part)).id()

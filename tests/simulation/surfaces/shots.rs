@@ -4,9 +4,9 @@ use bevy::math::{Quat, UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, ClothMaterial, Rope, RopeMaterial};
 use bevy_mass_spring::solver::{Integrator, PairRules, Solver, StepSettings, SubstepMode};
 
+use super::{ELASTIC, SCHEMES, SOFT};
 use crate::common::bodies::{add_net, positions};
 use crate::common::crossings::Shapes;
-use crate::{ELASTIC, SCHEMES, SOFT};
 
 fn settings(integrator: Integrator, substeps: u32) -> StepSettings {
     StepSettings {

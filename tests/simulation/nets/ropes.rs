@@ -5,7 +5,7 @@ use bevy::prelude::{CubicBezier, CubicGenerator};
 use bevy_mass_spring::nets::{Layout, Rope, RopeMaterial, Topology};
 use bevy_mass_spring::solver::{Integrator, Solver, StepSettings, SubstepMode};
 
-use crate::statics::Statics;
+use super::statics::Statics;
 
 const GRAVITY: f64 = 9.81;
 
