@@ -3,8 +3,8 @@
 use bevy::math::Vec3;
 
 use crate::solver::buckets::Buckets;
-use crate::solver::elements::{Exposed, FacePush, FilamentPush, Push};
-use crate::solver::field::AirLoad;
+use crate::solver::elements::{CrossFlow, Exposed, FacePush, FilamentPush, Push};
+use crate::solver::field::{AirLoad, FilamentLoad};
 use crate::solver::gusts::{AirClock, GustField};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors, set};
@@ -91,7 +91,11 @@ impl Air {
         let any = |slot: usize| !self.faces_at.of(slot).is_empty() || !self.filaments_at.of(slot).is_empty();
         self.chunks.clear();
         self.chunks.extend((0..count).step_by(CHUNK).map(|start| (start..count.min(start + CHUNK)).any(any)));
-        let AirLoad { push, rate, gain } = &mut self.load;
+        let AirLoad { push, rate, gain, filaments } = &mut self.load;
+        // These have no entries of their own in the arrays.
+        filaments.clear();
+        let slots = (0..count).filter(|slot| !self.filaments_at.of(*slot).is_empty());
+        filaments.extend(slots.map(|slot| FilamentLoad::of(slot as u32)));
         for values in [rate, &mut *gain] {
             values.clear();
             values.resize(count, 0.0);
@@ -126,7 +130,7 @@ impl Air {
             }
         });
         let mut load = std::mem::take(&mut self.load);
-        let AirLoad { push, rate, gain } = &mut load;
+        let AirLoad { push, rate, gain, filaments } = &mut load;
         let rates = rate.chunks_mut(CHUNK).zip(gain.chunks_mut(CHUNK));
         let parts = push.chunks_mut(CHUNK).zip(rates).zip(&self.chunks).enumerate();
         parallel::for_each(
@@ -136,9 +140,12 @@ impl Air {
                 let (rate, gain) = rates;
                 for place in 0..rate.len() {
                     let slot = chunk * CHUNK + place;
+                    if !self.filaments_at.of(slot).is_empty() {
+                        continue;
+                    }
                     let inverse_mass = particles.inverse_mass()[slot];
                     let (decay, pushed) =
-                        self.at(slot, particles.velocity.get(slot)).of_mass(inverse_mass, longest);
+                        self.faces_push(slot, particles.velocity.get(slot)).by_mass(inverse_mass, longest);
                     let air = self.velocity_at(slot);
                     set(&mut push, place, decay * air + pushed);
                     rate[place] = decay;
@@ -146,6 +153,16 @@ impl Air {
                 }
             },
         );
+        parallel::for_each(filaments.chunks_mut(CHUNK), is_shared, |loads| {
+            for load in loads {
+                let slot = load.slot as usize;
+                let inverse_mass = particles.inverse_mass()[slot];
+                let velocity = particles.velocity.get(slot);
+                let faces = self.faces_push(slot, velocity).by_mass(inverse_mass, longest);
+                let across = self.cross_flow(slot, velocity).by_mass(inverse_mass, longest);
+                *load = FilamentLoad::new(load.slot, self.velocity_at(slot), faces, across, substep);
+            }
+        });
         self.load = load;
     }
 
@@ -154,21 +171,18 @@ impl Air {
         self.wind + self.gusts.as_ref().map_or(Vec3::ZERO, |gusts| gusts.get(slot))
     }
 
-    /// What the air does to a particle of this velocity.
-    #[inline]
-    fn at(&self, slot: usize, velocity: Vec3) -> Push {
-        let relative = self.velocity_at(slot) - velocity;
-        let mut sum = Push::new(relative);
-        for face in self.faces_at.of(slot) {
-            let (drag, lift) = self.faces[*face as usize].at(relative);
-            sum.face_drag += drag;
-            sum.lift += lift;
-        }
-        for filament in self.filaments_at.of(slot) {
-            let (drag, along) = self.filaments[*filament as usize].at(relative);
-            sum.filament_drag += drag;
-            sum.along += along;
-        }
+    /// What the air does to a particle of this velocity by its faces.
+    #[inline(always)]
+    fn faces_push(&self, slot: usize, velocity: Vec3) -> Push {
+        let mut sum = Push::new(self.velocity_at(slot) - velocity);
+        self.faces_at.of(slot).iter().for_each(|face| sum.add(&self.faces[*face as usize]));
+        sum
+    }
+
+    /// What it does by its filaments.
+    fn cross_flow(&self, slot: usize, velocity: Vec3) -> CrossFlow {
+        let mut sum = CrossFlow::new(self.velocity_at(slot) - velocity);
+        self.filaments_at.of(slot).iter().for_each(|filament| sum.add(&self.filaments[*filament as usize]));
         sum
     }
 

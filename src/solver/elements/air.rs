@@ -14,12 +14,17 @@
 //! and diameter d is pushed by ½ ρ C_D d l/2 ‖v⊥‖ v⊥, with the part v⊥ of v across it: the cross-flow principle
 //! (Hoerner 1965, 3-11).
 //!
-//! For a step of h seconds the force is b − d v' with the velocity v' at its end, and b and d from its start: so it is
-//! exact where nothing changes any more, at terminal speed or in a flag that stands still, and d brakes for every wind,
-//! mass and step. What is across the motion (lift; the part of the wind along a filament) is in b, and bounded so that a
-//! step without other forces never takes a particle further from the velocity of the air.
+//! For a step of h seconds the force is b − D v' with the velocity v' at its end, and b and D from its start: so it is
+//! exact where nothing changes any more, at terminal speed or in a flag that stands still, and D brakes for every wind,
+//! mass and step. D is a number d for faces; their lift is in b, and bounded so that a step without other forces never
+//! takes a particle further from the velocity of the air.
+//!
+//! For filaments along a it is the matrix Σ d (I − a aᵀ): nothing brakes along them. A number would, and what it takes off
+//! along the filament had to be given back from the velocity at the start of the step. Then a particle has the mass
+//! m + h d along its filaments, which comes and goes with the wind across them, and a rope that swings lengthwise on its
+//! springs gains energy from that without bound.
 
-use bevy::math::Vec3;
+use bevy::math::{DMat3, DVec3, Vec3};
 
 use super::mesh::NO_SLOT;
 use crate::solver::particles::Vectors;
@@ -175,9 +180,10 @@ pub(in crate::solver) struct FacePush {
 /// A filament where it is now, with the dynamic pressure of the air.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::solver) struct FilamentPush {
-    along: Vec3,
+    /// a, in f64: so nothing brakes along it, whatever the drag.
+    along: DVec3,
     /// ½ ρ C_D d l/2, kg/m.
-    drag: f32,
+    drag: f64,
 }
 
 impl FacePush {
@@ -187,9 +193,11 @@ impl FacePush {
         }
         let [a, b, c] = ends.map(|end| position.get(end as usize));
         let normal = (b - a).cross(c - a) * (density / 12.0);
+        if face.lift == 0.0 {
+            return Self { normal, drag: face.drag, lift: 0.0 };
+        }
         let area = normal.length();
-        let lift = if face.lift > 0.0 && area > 0.0 { face.lift / area } else { 0.0 };
-        Self { normal, drag: face.drag, lift }
+        Self { normal, drag: face.drag, lift: if area > 0.0 { face.lift / area } else { 0.0 } }
     }
 
     /// d in N·s/m, and the lift in N, at a relative velocity v of the air.
@@ -211,55 +219,101 @@ impl FilamentPush {
             return Self::default();
         }
         let [a, b] = ends.map(|end| position.get(end as usize));
-        let length = (b - a).length();
-        let along = if length > 0.0 { (b - a) / length } else { Vec3::ZERO };
-        Self { along, drag: 0.25 * density * filament.drag * filament.diameter * length }
+        let side = (b - a).as_dvec3();
+        let length = side.length();
+        let along = if length > 0.0 { side / length } else { DVec3::ZERO };
+        let drag = 0.25 * density * filament.drag * filament.diameter;
+        Self { along, drag: f64::from(drag) * length }
     }
 
-    /// d in N·s/m, and what is to be added to d v so that nothing pulls along it, in N.
+    /// d in N·s/m.
     #[inline]
-    pub fn at(&self, velocity: Vec3) -> (f32, Vec3) {
-        let share = self.along.dot(velocity);
-        let drag = self.drag * (velocity - share * self.along).length();
-        (drag, (-drag * share) * self.along)
+    fn drag_at(&self, velocity: DVec3) -> f64 {
+        self.drag * (velocity - self.along.dot(velocity) * self.along).length()
     }
 }
 
-/// d/m in 1/s, and b/m in m/s², of a particle for a step of `step` seconds: see the top of the file.
-///
-/// With z = h d/m, a lift of more than √(2z) ‖v‖ m/h is cut down to that: then no step without other forces adds to ‖v‖,
-/// with the formulas of any scheme. Up to z = 2 (C_D/C_L)² none is.
+/// What the air does to a particle by the faces at it: see the top of the file.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::solver) struct Push {
-    pub velocity: Vec3,
-    pub face_drag: f32,
-    pub lift: Vec3,
-    pub filament_drag: f32,
-    pub along: Vec3,
+    velocity: Vec3,
+    drag: f32,
+    lift: Vec3,
 }
 
 /// The largest z: more stops a particle no faster.
 const MAX_STEP_DECAY: f32 = 1e8;
 
 impl Push {
+    /// At the velocity of the air relative to the particle.
     pub fn new(velocity: Vec3) -> Self {
-        Self { velocity, face_drag: 0.0, lift: Vec3::ZERO, filament_drag: 0.0, along: Vec3::ZERO }
+        Self { velocity, drag: 0.0, lift: Vec3::ZERO }
     }
 
-    /// d/m, and (b − d u)/m with the velocity u of the air.
-    pub fn of_mass(self, inverse_mass: f32, step: f32) -> (f32, Vec3) {
-        let per_step = step * inverse_mass;
-        let decay = per_step * (self.face_drag + self.filament_drag);
-        let z = per_step * self.face_drag;
-        let (lift, most) = (per_step * self.lift.length(), self.velocity.length());
-        // With filaments there, what they need of the drag is theirs.
-        let most = if self.filament_drag > 0.0 { z * most } else { (2.0 * z).sqrt() * most };
-        let share = if lift > most { most / lift } else { 1.0 };
-        let cut = if decay > MAX_STEP_DECAY { MAX_STEP_DECAY / decay } else { 1.0 };
-        let rate = (decay * cut) / step;
-        let across = (share * self.lift + self.along) * (inverse_mass * cut);
-        (rate, if across.is_finite() { across } else { Vec3::ZERO })
+    /// Adds that of a face.
+    #[inline]
+    pub fn add(&mut self, face: &FacePush) {
+        let (drag, lift) = face.at(self.velocity);
+        self.drag += drag;
+        self.lift += lift;
     }
+
+    /// d/m in 1/s and the lift by the mass in m/s², for a step of `step` seconds.
+    ///
+    /// With z = h d/m, a lift of more than √(2z) ‖v‖ m/h is cut down to that: then no step without other forces adds to ‖v‖,
+    /// with the formulas of any scheme. Up to z = 2 (C_D/C_L)² none is.
+    #[inline]
+    pub fn by_mass(&self, inverse_mass: f32, step: f32) -> (f32, Vec3) {
+        let per_step = step * inverse_mass;
+        let z = per_step * self.drag;
+        let (lift, most) = (per_step * self.lift.length(), (2.0 * z).sqrt() * self.velocity.length());
+        let share = if lift > most { most / lift } else { 1.0 };
+        let cut = cut(z);
+        let across = (share * self.lift) * (inverse_mass * cut);
+        ((z * cut) / step, if across.is_finite() { across } else { Vec3::ZERO })
+    }
+}
+
+/// What the air does to a particle by the filaments at it.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver) struct CrossFlow {
+    velocity: DVec3,
+    /// Σ d, N·s/m.
+    drag: f32,
+    /// Σ d (I − a aᵀ), N·s/m.
+    across: DMat3,
+}
+
+impl CrossFlow {
+    /// At the velocity of the air relative to the particle.
+    pub fn new(velocity: Vec3) -> Self {
+        Self { velocity: velocity.as_dvec3(), drag: 0.0, across: DMat3::ZERO }
+    }
+
+    /// Adds that of a filament.
+    #[inline]
+    pub fn add(&mut self, filament: &FilamentPush) {
+        let (drag, along) = (filament.drag_at(self.velocity), filament.along);
+        self.drag += drag as f32;
+        let outer = DMat3::from_cols(along * along.x, along * along.y, along * along.z);
+        self.across += (DMat3::IDENTITY - outer) * drag;
+    }
+
+    /// D/m in 1/s, for a step of `step` seconds.
+    pub fn by_mass(&self, inverse_mass: f32, step: f32) -> DMat3 {
+        let rate = self.across * f64::from(inverse_mass * cut(step * inverse_mass * self.drag));
+        if rate.x_axis.is_finite() && rate.y_axis.is_finite() && rate.z_axis.is_finite() {
+            rate
+        } else {
+            DMat3::ZERO
+        }
+    }
+}
+
+/// How much of h d/m counts.
+#[inline]
+fn cut(decay: f32) -> f32 {
+    if decay > MAX_STEP_DECAY { MAX_STEP_DECAY / decay } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -301,8 +355,9 @@ mod tests {
         [Vec3::ZERO, Vec3::X * 0.5].into_iter().for_each(|end| position.push(end));
         let push = FilamentPush::of(&([0, 1], Filament { diameter: 0.02, drag: 1.2 }), &position, DENSITY);
         let wind = Vec3::new(5.0, 3.0, 0.0);
-        let (drag, along) = push.at(wind);
-        let force = 2.0 * (drag * wind + along);
+        let mut sum = CrossFlow::new(wind);
+        sum.add(&push);
+        let force = (2.0 * sum.by_mass(1.0, 1.0) * wind.as_dvec3()).as_vec3();
         assert!((force - Vec3::Y * 0.5 * DENSITY * 1.2 * 0.02 * 0.5 * 9.0).length() < 1e-6, "{force}");
     }
 

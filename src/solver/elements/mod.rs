@@ -26,7 +26,7 @@ use bevy::math::DVec3;
 
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
-pub(super) use air::{Exposed, FacePush, FilamentPush, Push};
+pub(super) use air::{CrossFlow, Exposed, FacePush, FilamentPush, Push};
 pub use air::{Face, Filament};
 pub(super) use balance::Balance;
 pub use bend::Bend;

@@ -80,6 +80,9 @@ pub(super) fn block_accelerations(
         for (axis, acceleration) in force.iter_mut().enumerate() {
             air.brake(axis, range.start, &motion.velocity[axis][range.clone()], acceleration);
         }
+        if !air.filaments.is_empty() {
+            air.brake_filaments(range.start, motion.velocity.map(|axis| &axis[range.clone()]), &mut force);
+        }
     }
 }
 

@@ -37,14 +37,17 @@ impl pulp::WithSimd for PredictInAir<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { air, start, position, velocity, vacuum, acceleration, substep } = self;
-        let axes = position.into_iter().zip(velocity).zip(acceleration.into_iter().zip(vacuum));
-        for (axis, ((position, velocity), (acceleration, vacuum))) in axes.enumerate() {
-            let count = vacuum.len();
-            let (position, velocity) = (&mut position[..count], &mut velocity[..count]);
-            let acceleration = &mut acceleration[..count];
+        let Self { air, start, position, velocity, vacuum, mut acceleration, substep } = self;
+        for (axis, (acceleration, vacuum)) in acceleration.iter_mut().zip(vacuum).enumerate() {
             acceleration.copy_from_slice(vacuum);
-            air.brake(axis, start, velocity, acceleration);
+            air.brake(axis, start, velocity[axis], acceleration);
+        }
+        if !air.filaments.is_empty() {
+            air.brake_filaments(start, velocity.each_ref().map(|axis| &**axis), &mut acceleration);
+        }
+        for ((position, velocity), acceleration) in position.into_iter().zip(velocity).zip(acceleration) {
+            let count = acceleration.len();
+            let (position, velocity) = (&mut position[..count], &mut velocity[..count]);
             for index in 0..count {
                 position[index] += substep * (velocity[index] + 0.5 * substep * acceleration[index]);
                 velocity[index] += substep * acceleration[index];
@@ -58,20 +61,27 @@ impl pulp::WithSimd for CorrectInAir<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { accelerate, air, acceleration, substep, velocity } = self;
+        let Self { accelerate, air, mut acceleration, substep, mut velocity } = self;
         let Accelerate { block, motion, field, acceleration: mut vacuum } = accelerate;
         block_accelerations(block, motion, field, &mut vacuum);
         let half = 0.5 * substep;
-        for (axis, (velocity, acceleration)) in velocity.into_iter().zip(acceleration).enumerate() {
+        let range = block.slots.start..block.slots.start + velocity[0].len();
+        let predicted = motion.velocity.map(|axis| &axis[range.clone()]);
+        for (axis, (velocity, acceleration)) in velocity.iter_mut().zip(&mut acceleration).enumerate() {
             let count = velocity.len();
-            let range = block.slots.start..block.slots.start + count;
-            let predicted = &motion.velocity[axis][range.clone()];
             let acceleration = &mut acceleration[..count];
             for (velocity, acceleration) in velocity.iter_mut().zip(&*acceleration) {
                 *velocity = -half * acceleration;
             }
             acceleration.copy_from_slice(&vacuum[axis][..count]);
-            air.brake(axis, range.start, predicted, acceleration);
+            air.brake(axis, range.start, predicted[axis], acceleration);
+        }
+        if !air.filaments.is_empty() {
+            air.brake_filaments(range.start, predicted, &mut acceleration);
+        }
+        for ((velocity, acceleration), predicted) in velocity.into_iter().zip(acceleration).zip(predicted) {
+            let count = velocity.len();
+            let (acceleration, predicted) = (&acceleration[..count], &predicted[..count]);
             for index in 0..count {
                 velocity[index] = predicted[index] + (velocity[index] + half * acceleration[index]);
             }

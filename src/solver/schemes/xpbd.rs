@@ -96,13 +96,13 @@ impl Xpbd {
         let Self { position, displacement, gradient, .. } = self;
         for (_, enclosure) in gases.acting() {
             let volume = enclosure.measure(|place| position[enclosure.slots[place] as usize], gradient);
-            let mobility = |slot: usize| field.mobility(slot, f64::from(particles.inverse_mass()[slot]));
+            let inverse_mass = |slot: usize| f64::from(particles.inverse_mass()[slot]);
             let pushed = || enclosure.slots.iter().map(|slot| *slot as usize).zip(&*gradient);
             let yields: f64 =
-                pushed().map(|(slot, gradient)| mobility(slot) * gradient.length_squared()).sum();
+                pushed().map(|(slot, gradient)| yields_by(field, slot, inverse_mass(slot), *gradient)).sum();
             let impulse = enclosure.gas.implicit_pressure(volume, h * h * yields) * (h * h);
             for (slot, gradient) in pushed() {
-                let moved = *gradient * (impulse * mobility(slot));
+                let moved = field.answer(slot, inverse_mass(slot), *gradient, impulse);
                 position[slot] += moved;
                 displacement[slot] += moved;
             }
@@ -154,22 +154,25 @@ impl Piece<'_> {
         (particles, field): (&Particles, Field),
         h: f64,
     ) {
-        let mobility_of = |slot: usize| field.mobility(slot, f64::from(particles.inverse_mass()[slot]));
+        let inverse_mass = |slot: usize| f64::from(particles.inverse_mass()[slot]);
         for linked in listed {
             let weights = elements.weights(linked.element);
             let ends = || linked.ends().iter().map(|end| *end as usize).zip(weights);
-            let (mut separation, mut start, mut mobility) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            let (mut separation, mut start) = (DVec3::ZERO, DVec3::ZERO);
             for (end, weight) in ends() {
                 let [at_start, position] = self.ends_of_path(particles, end, h);
                 separation += weight * position;
                 start += weight * at_start;
-                mobility += weight * weight * mobility_of(end);
             }
             let length = separation.length();
             if length == 0.0 {
                 continue;
             }
             let direction = separation / length;
+            let mut mobility = 0.0;
+            for (end, weight) in ends() {
+                mobility += weight * weight * field.mobility(end, inverse_mass(end), direction);
+            }
             let (rates, rest_length, tension_only) = elements.coefficients(linked.element);
             let (stiffness, damping) = (f64::from(rates.stiffness) * h * h, f64::from(rates.damping) * h);
             let mut stretched = direction.dot(separation - start);
@@ -185,7 +188,7 @@ impl Piece<'_> {
             for (end, weight) in ends() {
                 let place = end.wrapping_sub(self.first);
                 if place < self.position.len() {
-                    let displacement = impulse * (weight * mobility_of(end));
+                    let displacement = field.answer(end, inverse_mass(end), impulse, weight);
                     self.position[place] += displacement;
                     self.displacement[place] += displacement;
                 }
@@ -218,6 +221,12 @@ impl Piece<'_> {
             set(&mut acceleration, place, ((new - old) / h).as_vec3());
         }
     }
+}
+
+/// The square of a gradient, weighed by the mobility along it.
+fn yields_by(field: Field, slot: usize, inverse_mass: f64, gradient: DVec3) -> f64 {
+    let squared = gradient.length_squared();
+    field.mobility(slot, inverse_mass, gradient.normalize_or_zero()) * squared
 }
 
 /// Where a pinned particle is before and after a substep of `h` seconds.

@@ -153,7 +153,7 @@ impl SleepCaches {
         };
         braking.clear();
         braking.extend((0..particles.len()).map(|slot| match is_considered(slot) {
-            true => velocity(slot) * field.decay_rate(slot, f64::from(particles.own_inverse_mass()[slot])),
+            true => field.braking(slot, f64::from(particles.own_inverse_mass()[slot]), velocity(slot)),
             false => DVec3::ZERO,
         }));
         elements.for_each_damping(&particles.position, is_considered, velocity, |slot, force| {

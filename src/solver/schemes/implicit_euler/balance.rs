@@ -5,6 +5,7 @@ use bevy::math::DVec3;
 use super::Island;
 use super::contact::Contact;
 use super::contacts::{Contacts, longest_way};
+use super::system::System;
 
 /// The longest correction of what touches something, as a part of the longest displacement of a particle in free flight.
 const MAX_DRIFT: f64 = 0.02;
@@ -27,7 +28,9 @@ impl Island {
             drift += system.inertia[node] * (system.position[node] - system.flight[node]);
             inertia += system.inertia[node];
         }
-        let mut drift = system.contacts.along_surfaces(drift / inertia);
+        system.tethers.iter().for_each(|tether| drift -= tether.force(&system.position));
+        let drift = system.share(drift, inertia);
+        let mut drift = system.contacts.along_surfaces(drift);
         if system.contacts.hold() {
             let longest = longest_way(0..elimination.free, &system.start, &system.flight);
             drift = drift.clamp_length_max(MAX_DRIFT * longest);
@@ -48,7 +51,19 @@ impl Island {
             drift += system.inertia[node] * system.step[node];
             inertia += system.inertia[node];
         }
-        system.step[..elimination.free].iter_mut().for_each(|step| *step -= drift / inertia);
+        drift += system.tethers.resistance(&system.step);
+        let drift = system.share(drift, inertia);
+        system.step[..elimination.free].iter_mut().for_each(|step| *step -= drift);
+    }
+}
+
+impl System {
+    /// The displacement of all nodes that a force (N) costs against their `inertia` (N/m) and the air, m.
+    fn share(&self, force: DVec3, inertia: f64) -> DVec3 {
+        match self.tethers.is_empty() {
+            true => force / inertia,
+            false => self.tethers.stiffness().plus_diagonal(inertia).factor(inertia).solve(force),
+        }
     }
 }
 

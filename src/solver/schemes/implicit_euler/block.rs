@@ -51,6 +51,12 @@ impl Symmetric {
         )
     }
 
+    /// Of a matrix that is known to be symmetric.
+    pub fn from_matrix(matrix: &DMat3) -> Self {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = *matrix;
+        Self { xx: x.x, yy: y.y, zz: z.z, xy: x.y, xz: x.z, yz: y.z }
+    }
+
     /// The same as a matrix like any other.
     #[inline]
     pub fn matrix(&self) -> DMat3 {

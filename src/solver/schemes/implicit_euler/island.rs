@@ -61,6 +61,12 @@ impl Island {
             let force = system.inertia[node] * (system.position[node] - system.flight[node]);
             pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
         }
+        for tether in system.tethers.iter() {
+            let (node, slot) = (tether.node, elimination.slots[tether.node] as usize);
+            let force = system.inertia[node] * (system.position[node] - system.flight[node]);
+            let force = force - tether.force(&system.position);
+            pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
+        }
         for node in system.contacts.held_nodes() {
             pulls.set_touching(elimination.slots[node] as usize);
         }

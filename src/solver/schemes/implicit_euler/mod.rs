@@ -34,6 +34,7 @@ mod preconditioner;
 mod surfaces;
 mod surplus;
 mod system;
+mod tethers;
 mod tr_bdf2;
 mod wide;
 

@@ -11,6 +11,7 @@ use super::contacts::Contacts;
 use super::coupling::TreeLink;
 use super::gas::{self, GasTerms};
 use super::linearised::Linearised;
+use super::tethers::Tethers;
 use super::wide::Wide;
 use crate::solver::elements::{Elements, MAX_ENDS};
 use crate::solver::field::Field;
@@ -71,6 +72,8 @@ pub(super) struct System {
     pub tree_links: Vec<TreeLink>,
     /// What it encloses.
     pub gases: GasTerms,
+    /// To the air, across filaments.
+    pub tethers: Tethers,
     /// With what nothing in the step can move.
     pub contacts: Contacts,
     /// The forces of elements and gases at the start, N; found where a contact may rebound.
@@ -122,6 +125,7 @@ impl System {
         h: f64,
     ) {
         self.load = 1.0;
+        self.tethers.clear();
         for (node, &slot) in elimination.slots.iter().enumerate() {
             let slot = slot as usize;
             let start = particles.position.get(slot).as_dvec3();
@@ -131,7 +135,8 @@ impl System {
             if node < elimination.free {
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
                 self.inertia[node] = mass / (h * h) + field.drag(slot, mass) / h;
-                self.flight[node] = start + h * field.free_velocity(particles, slot, h);
+                self.flight[node] = start + h * field.even_velocity_after(particles, slot, velocity, h);
+                self.tethers.add((node, start), (slot, mass), field, h);
             }
         }
         self.gases.begin(elimination, elements);
@@ -188,8 +193,9 @@ impl System {
         self.sums = Sums::default();
         self.step[elimination.free..].fill(DVec3::ZERO);
         let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
-        let Self { contacts, gases, position, right, diagonal, compounds, load, .. } = self;
+        let Self { contacts, gases, tethers, position, right, diagonal, compounds, load, .. } = self;
         let core = core + gases.linearise(elimination, position, *load, right);
+        let core = core + tethers.linearise(position, *load, right, diagonal);
         let touched = contacts.linearise(position, contact::Sums { right, diagonal, compounds });
         self.route_contacts(elimination);
         let trees = match elimination.bent.is_empty() {
@@ -212,7 +218,10 @@ impl System {
             element.energy(combine(&compound.nodes, compound.weights, &self.position))
         });
         let gases = self.gases.energy(elimination, |node| self.position[node]);
-        inertial.chain(pairs).chain(compounds).sum::<f64>() + gases + self.contacts.energy(&self.position)
+        inertial.chain(pairs).chain(compounds).sum::<f64>()
+            + gases
+            + self.tethers.energy(&self.position)
+            + self.contacts.energy(&self.position)
     }
 
     /// The tensions of the elements at the present positions, dampers included, N.

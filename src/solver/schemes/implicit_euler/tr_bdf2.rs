@@ -201,7 +201,7 @@ impl Stages {
                 let slot = elimination.slots[node] as usize;
                 let inverse_mass = f64::from(particles.inverse_mass()[slot]);
                 let force = inverse_mass * particles.applied_force.get(slot).as_dvec3();
-                let drag = field.decay_rate(slot, inverse_mass) * velocity;
+                let drag = field.braking(slot, inverse_mass, velocity);
                 kicked += s * (self.pull[node] + field.acceleration(slot) + force - drag);
             }
             Motion { position: position + s * velocity, velocity: kicked }
@@ -243,6 +243,7 @@ impl Stages {
         let s = STAGE * h;
         system.contacts.clear();
         system.load = 1.0;
+        system.tethers.clear();
         system.gases.begin(elimination, elements);
         // The dampers' lengths are taken before the positions are others.
         system.elements.clear();
@@ -270,7 +271,8 @@ impl Stages {
                 let slot = elimination.slots[node] as usize;
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
                 system.inertia[node] = mass / (s * s) + field.drag(slot, mass) / s;
-                system.flight[node] = position + s * field.velocity_after(particles, slot, velocity, s);
+                system.flight[node] = position + s * field.even_velocity_after(particles, slot, velocity, s);
+                system.tethers.add((node, position), (slot, mass), field, s);
             }
         }
     }
