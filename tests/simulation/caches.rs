@@ -143,7 +143,8 @@ fn among_solids() -> Solver {
     slab.target.point.y += 0.02;
     slab.target.rotation = Quat::from_rotation_z(0.05);
     solver.add_collider(slab);
-    add_cloth(&mut solver, 500.0, 0.0);
+    // So soft that explicit Euler is stable, too.
+    add_cloth(&mut solver, 5.0, 0.0);
     for (number, (_, shape, top)) in shapes().into_iter().enumerate() {
         let place = Vec3::new(1.5 * (number % 3) as f32 - 1.5, 0.0, 1.5 * (number / 3) as f32 + 1.5);
         solver.add_collider(with(resting(shape, place), 0.2, 0.4));
@@ -155,7 +156,7 @@ fn among_solids() -> Solver {
             solver.add_particle(above, Vec3::NEG_Y * speed, 0.1, 0.05).unwrap();
         }
         let ends = [Vec3::X, Vec3::NEG_X].map(|side| place + 0.5 * side + Vec3::Y * (top + 0.05));
-        colliding::rope(&mut solver, ends, 6, (0.02, 0.02), 200.0);
+        colliding::rope(&mut solver, ends, 6, (0.02, 0.02), 5.0);
     }
     solver
 }
@@ -295,7 +296,6 @@ fn ticks_of_nets_in_gusty_wind_depend_on_no_cache() {
 }
 
 #[test]
-#[ignore = "takes minutes"]
 fn ticks_among_solids_depend_on_no_cache() {
     for integrator in Integrator::ALL {
         let contacts = assert_caches_change_nothing(among_solids(), integrator, 24);
@@ -313,9 +313,9 @@ fn cloth_on(shape: Shape, stiffness: f32) -> Solver {
 
 #[test]
 fn ticks_of_a_cloth_on_a_solid_depend_on_no_cache() {
-    for (shape, stiffness) in [(Shape::ball(0.4), 500.0), (round_mesh(), 500.0)] {
+    for shape in [Shape::ball(0.4), round_mesh()] {
         for integrator in Integrator::ALL {
-            let solver = cloth_on(shape.clone(), stiffness);
+            let solver = cloth_on(shape.clone(), 5.0);
             assert_caches_change_nothing_with(|_, _, _| {}, solver, settings(integrator), 60);
         }
     }
