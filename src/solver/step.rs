@@ -178,7 +178,7 @@ impl Caches {
 
     /// What a tick with these settings would run.
     pub fn plan(&mut self, state: &State, settings: &StepSettings) -> Plan {
-        self.planner.plan(&state.elements, &state.particles, settings)
+        self.planner.plan((&state.elements, &state.exposed), &state.particles, settings)
     }
 
     /// Bounds on the frequencies of the whole net in a medium of `viscosity` N·s/m.

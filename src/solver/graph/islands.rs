@@ -141,6 +141,11 @@ impl Islands {
         &mut self.islands[self.of_slot[slot] as usize]
     }
 
+    /// Changes with them.
+    pub fn key(&self) -> (Version, Version) {
+        self.key
+    }
+
     /// All islands.
     pub fn all(&self) -> &[Island] {
         &self.islands

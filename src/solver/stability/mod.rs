@@ -5,6 +5,7 @@ mod gas;
 #[cfg(test)]
 mod modes;
 mod plan;
+mod surface;
 mod tally;
 
 use crate::solver::elements::Elements;

@@ -1,9 +1,10 @@
 //! Which scheme advances each island in a tick, and in how many substeps.
 
 use super::gas::GasBounds;
+use super::surface::SurfaceCosts;
 use super::tally::Tally;
 use super::{FrequencyBounds, SECOND_ORDER_SUBSTEPS, cost};
-use crate::solver::elements::Elements;
+use crate::solver::elements::{Elements, Exposed};
 use crate::solver::graph::{Island, IslandSet, Islands, for_each_coupling, has_loops};
 use crate::solver::particles::Particles;
 use crate::solver::settings::{Integrator, StepSettings, SubstepMode};
@@ -55,6 +56,7 @@ pub(in crate::solver) struct Planner {
     bounds: FrequencyBounds,
     element_bounds: FrequencyBounds,
     gas_bounds: GasBounds,
+    surfaces: SurfaceCosts,
     bounds_key: Option<Key>,
     /// Whether the equations of any island are not solved directly, and of which elements and free particles that is.
     has_loops: (bool, Option<(Version, Version)>),
@@ -76,6 +78,8 @@ struct Need {
     /// Whether rounding would heat it.
     is_too_fast: bool,
     elements: usize,
+    /// What air and gases take in a substep, ns.
+    surface: f64,
     /// The cost of the implicit scheme, see [`cost`].
     implicit: f64,
 }
@@ -91,7 +95,12 @@ fn key(elements: &Elements, particles: &Particles, viscosity: f32) -> Key {
 
 impl Planner {
     /// The plan of a tick.
-    pub fn plan(&mut self, elements: &Elements, particles: &Particles, settings: &StepSettings) -> Plan {
+    pub fn plan(
+        &mut self,
+        (elements, exposed): (&Elements, &Exposed),
+        particles: &Particles,
+        settings: &StepSettings,
+    ) -> Plan {
         let StepSettings { integrator, substeps, time_step, viscosity, .. } = *settings;
         let minimum = substeps.minimum();
         match (integrator, substeps) {
@@ -104,7 +113,7 @@ impl Planner {
                     return bounds.cheapest_explicit(time_step, minimum).into();
                 }
                 self.refresh_island_bounds(elements, particles, viscosity);
-                self.plan_islands(elements, time_step, minimum, &[])
+                self.plan_islands((elements, exposed), settings, &[])
             }
             (named, SubstepMode::Fixed(_)) => (named, minimum).into(),
             (named, SubstepMode::Auto) => {
@@ -117,11 +126,11 @@ impl Planner {
     /// The same, by [`Integrator::Auto`], where islands that touch take the same scheme.
     pub fn plan_joined(
         &mut self,
-        elements: &Elements,
+        elements: (&Elements, &Exposed),
         settings: &StepSettings,
         touching: &[[usize; 2]],
     ) -> Plan {
-        self.plan_islands(elements, settings.time_step, settings.substeps.minimum(), touching)
+        self.plan_islands(elements, settings, touching)
     }
 
     /// Appends the pairs of islands of particles that touch, if they are of several ones.
@@ -197,11 +206,14 @@ impl Planner {
     /// are `touching` need what the fastest of them needs.
     fn plan_islands(
         &mut self,
-        elements: &Elements,
-        time_step: f32,
-        minimum: u32,
+        (elements, exposed): (&Elements, &Exposed),
+        settings: &StepSettings,
         touching: &[[usize; 2]],
     ) -> Plan {
+        let (time_step, minimum) = (settings.time_step, settings.substeps.minimum());
+        let exposed = Some(exposed).filter(|_| settings.air_density > 0.0);
+        self.surfaces.refresh(&self.islands, elements, exposed);
+        let SurfaceCosts { air, gas, .. } = &self.surfaces;
         let steps = SECOND_ORDER_SUBSTEPS.max(minimum);
         let (bounds, others) = &self.island_bounds;
         let islands = || bounds.iter().zip(self.islands.all());
@@ -215,12 +227,16 @@ impl Planner {
             let gas = gas_bounds.of(|gas| gas_island(gas) == Some(number));
             (bounds.with_gas(gas), *island)
         };
-        self.needs.extend(islands().enumerate().map(with_gas).map(|(bounds, island)| Need {
-            substeps: bounds.verlet_substeps(time_step).max(minimum),
-            is_too_fast: bounds.is_too_fast(time_step, minimum),
-            elements: island.elements,
-            implicit: cost::implicit(steps, island.elements, bounds.has_loops),
-        }));
+        let costs = air.iter().zip(gas);
+        self.needs.extend(islands().enumerate().map(with_gas).zip(costs).map(
+            |((bounds, island), (air, gas))| Need {
+                substeps: bounds.verlet_substeps(time_step).max(minimum),
+                is_too_fast: bounds.is_too_fast(time_step, minimum),
+                elements: island.elements,
+                surface: air + gas,
+                implicit: cost::implicit(steps, island.elements, bounds.has_loops, *air),
+            },
+        ));
         // Until all that touch, through others, too, agree.
         while touching.iter().fold(false, |any, pair| agree(&mut self.needs, *pair) | any) {}
         self.sorted.clear();
@@ -228,15 +244,16 @@ impl Planner {
         let needs = &self.needs;
         self.sorted.sort_unstable_by_key(|island| needs[*island as usize].substeps);
         let mut implicit: f64 = needs.iter().map(|need| need.implicit).sum();
-        let (mut least, mut most_substeps, mut elements) = (implicit, None, 0);
+        let (mut least, mut most_substeps, mut elements, mut surface) = (implicit, None, 0, 0.0);
         for need in self.sorted.iter().map(|island| &needs[*island as usize]) {
             if need.is_too_fast {
                 continue;
             }
             elements += need.elements;
+            surface += need.surface;
             implicit -= need.implicit;
             // Rounding of the sums is nothing against the costs.
-            let total = implicit.max(0.0) + cost::explicit(need.substeps, elements);
+            let total = implicit.max(0.0) + cost::explicit(need.substeps, elements, surface);
             if total <= least {
                 (least, most_substeps) = (total, Some(need.substeps));
             }
@@ -270,7 +287,7 @@ pub(super) mod tests {
     use bevy::math::Vec3;
 
     use super::*;
-    use crate::solver::elements::Spring;
+    use crate::solver::elements::{Face, Spring};
 
     const TIME_STEP: f32 = 1.0 / 64.0;
 
@@ -297,7 +314,7 @@ pub(super) mod tests {
         let (elements, particles) = net(inverse_mass, &springs);
         let mut planner = Planner::default();
         let settings = StepSettings { time_step: TIME_STEP, viscosity, ..StepSettings::default() };
-        let plan = planner.plan(&elements, &particles, &settings);
+        let plan = planner.plan((&elements, &Exposed::default()), &particles, &settings);
         let (islands, stiff) = planner.stiff_islands();
         let slots = (0..particles.len()).filter(|slot| stiff.contains(islands, &particles, *slot));
         (plan, if plan.stiff_substeps > 0 { slots.collect() } else { Vec::new() })
@@ -337,6 +354,20 @@ pub(super) mod tests {
         let (plan, stiff) = plan(&[0.0, 1.0, 1.0, 1.0, 1.0], &springs, 0.0);
         assert_eq!((plan.substeps, plan.stiff_substeps, plan.stiff_springs), (10, 2, 3));
         assert_eq!(stiff, [2, 3, 4]);
+    }
+
+    #[test]
+    fn what_the_air_costs_counts() {
+        let stiff = 25.0 * SOFT;
+        let (elements, particles) =
+            net(&[1.0; 3], &[(0, 1, stiff, 0.0), (1, 2, stiff, 0.0), (2, 0, stiff, 0.0)]);
+        let mut exposed = Exposed::default();
+        exposed.add_faces([[0, 1, 2]; 100], Face { drag: 1.0, lift: 0.0 });
+        let plans = [0.0, 1.2].map(|air_density| {
+            let settings = StepSettings { time_step: TIME_STEP, air_density, ..StepSettings::default() };
+            Planner::default().plan((&elements, &exposed), &particles, &settings).integrator
+        });
+        assert_eq!(plans, [Integrator::VelocityVerlet, Integrator::TrBdf2]);
     }
 
     #[test]

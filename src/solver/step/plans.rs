@@ -20,7 +20,7 @@ impl Caches {
         if first.stiff_substeps == 0 || settings.pair_rules.is_none() {
             return first;
         }
-        let State { particles, elements, .. } = state;
+        let State { particles, elements, exposed, .. } = state;
         let Self { planner, surfaces, touching, near_islands, .. } = self;
         touching.clear();
         surfaces.find_touching(particles, (settings, skins), |slots| planner.note_islands(slots, touching));
@@ -34,7 +34,7 @@ impl Caches {
         loop {
             if touching.len() > known {
                 known = touching.len();
-                plan = planner.plan_joined(elements, settings, touching);
+                plan = planner.plan_joined((elements, exposed), settings, touching);
             }
             if plan.stiff_substeps > 0 {
                 let (islands, stiff) = planner.stiff_islands();
