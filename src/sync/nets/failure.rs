@@ -25,9 +25,10 @@ pub(in crate::sync) fn give_breaking(
     }
 }
 
-/// After the parts have moved: turns winches.
+/// After the parts have moved: turns winches. In the first tick of a net, in which its initial state is recorded, it is still.
 pub(in crate::sync) fn turn_winches(
     time: Res<Time>,
+    state: Res<MassSpringState>,
     winches: Query<(Entity, &Winch, &Part, &PartOf), With<Pinned>>,
     mut nets: Query<&mut ParticleNet>,
     mut warnings: ResMut<Warnings>,
@@ -36,8 +37,12 @@ pub(in crate::sync) fn turn_winches(
     if time_step == 0.0 {
         return;
     }
+    let is_placed = |entity: Entity| state.nets.get(entity).is_some_and(|net| net.place.is_some());
     for (entity, winch, part, PartOf(net_entity)) in &winches {
         let Ok(mut net) = nets.get_mut(*net_entity) else { continue };
+        if !is_placed(*net_entity) {
+            continue;
+        }
         let is_at_start = matches!(part, Part::Start | Part::Particle(0));
         let problem = match winch.validate() {
             Err(problem) => problem.to_string(),

@@ -227,7 +227,9 @@ impl Assignment<'_, '_, '_, '_, '_> {
                     *place = Some(new as u32);
                 }
             }
-            if let Some(springs) = past.springs.get(old.ranges.springs.clone()).filter(|_| !is_relaid) {
+            // Links keep their numbers where a winch adds more of them.
+            let keeps_numbers = !is_relaid || net.wound_out().is_some();
+            if let Some(springs) = past.springs.get(old.ranges.springs.clone()).filter(|_| keeps_numbers) {
                 state.solver.set_past_net(&ranges, springs);
             }
         }

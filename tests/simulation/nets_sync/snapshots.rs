@@ -90,9 +90,9 @@ fn torn_and_wound() -> (App, [Entity; 2]) {
     (app, [torn, wound])
 }
 
-/// Taken before the first spring breaks and after; put back in the midst of the tear.
+/// Taken before the first spring breaks and after; put back in the midst of the tear; and from the start.
 #[test]
-fn snapshots_go_across_a_tear_and_a_winch() {
+fn snapshots_and_restarts_go_across_a_tear_and_a_winch() {
     let (mut app, nets) = torn_and_wound();
     let counts = |app: &App| nets.map(|net| super::shapes::net(app, net).len());
     run(&mut app, 10);
@@ -100,7 +100,7 @@ fn snapshots_go_across_a_tear_and_a_winch() {
     assert_eq!(counts(&app)[0], 64);
     run(&mut app, 50);
     assert!(counts(&app)[0] > 64 && counts(&app)[1] > 12, "{:?}", counts(&app));
-    let torn = Snapshot::take(app.world());
+    let (torn, at_60) = (Snapshot::take(app.world()), all_bits(&app, nets));
     run(&mut app, 40);
     let at_100 = all_bits(&app, nets);
     for (snapshot, ticks) in [(&torn, 40), (&whole, 90), (&torn, 40)] {
@@ -108,6 +108,11 @@ fn snapshots_go_across_a_tear_and_a_winch() {
         run(&mut app, ticks);
         assert!(all_bits(&app, nets) == at_100, "after {ticks} ticks");
     }
+    RestoreInitialState.apply(app.world_mut());
+    run(&mut app, 60);
+    assert!(all_bits(&app, nets) == at_60, "after a restart");
+    run(&mut app, 40);
+    assert!(all_bits(&app, nets) == at_100);
 }
 
 /// What tears beside a net, and what is paid out there, changes no bit of it; but by the substeps that `Auto` takes with all.
