@@ -27,7 +27,7 @@ pub(super) struct AirLoad {
     pub rate: Vec<f32>,
     /// 1 / (1 + h d/m), with the substep h of explicit schemes.
     pub gain: Vec<f32>,
-    /// In ascending order of their slots, where the above are 0, 0 and 1.
+    /// At particles in which filaments end, in ascending order of their slots: there `push` and `rate` are 0, and `gain` is 1.
     pub filaments: Vec<FilamentLoad>,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct FilamentLoad {
     pub slot: u32,
     /// The velocity u of the air, m/s: b is (d + D) u, and the lift of faces.
     air: Vec3,
-    /// That by the mass, m/s².
+    /// The lift of faces by the mass, m/s².
     lift: Vec3,
     /// d/m, of faces, 1/s.
     face_rate: f32,
@@ -117,12 +117,12 @@ impl<'a> Field<'a> {
 
     /// The acceleration of the free particle in a slot that does not depend on its motion, user's force apart, m/s².
     pub fn acceleration(&self, slot: usize) -> DVec3 {
-        let even = self.even_acceleration(slot);
+        let even = self.acceleration_without_filaments(slot);
         self.filament(slot).map_or(even, |load| even + load.across * load.air.as_dvec3())
     }
 
-    /// The same without D u of filaments.
-    fn even_acceleration(&self, slot: usize) -> DVec3 {
+    /// The same without what filaments add, D u.
+    fn acceleration_without_filaments(&self, slot: usize) -> DVec3 {
         let push = self.air.map(|air| air.push.get(slot).as_dvec3());
         let even = self.gravity.as_dvec3() + push.unwrap_or(DVec3::ZERO);
         self.filament(slot).map_or(even, |load| {
@@ -160,7 +160,7 @@ impl<'a> Field<'a> {
     pub fn mobility(&self, slot: usize, inverse_mass: f64, direction: DVec3) -> f64 {
         match self.filament(slot) {
             Some(load) => inverse_mass * direction.dot(load.gain.as_dmat3() * direction),
-            None => self.even_mobility(slot, inverse_mass),
+            None => self.mobility_without_filaments(slot, inverse_mass),
         }
     }
 
@@ -168,11 +168,11 @@ impl<'a> Field<'a> {
     pub fn answer(&self, slot: usize, inverse_mass: f64, impulse: DVec3, factor: f64) -> DVec3 {
         match self.filament(slot) {
             Some(load) => load.gain.as_dmat3() * impulse * (factor * inverse_mass),
-            None => impulse * (factor * self.even_mobility(slot, inverse_mass)),
+            None => impulse * (factor * self.mobility_without_filaments(slot, inverse_mass)),
         }
     }
 
-    fn even_mobility(&self, slot: usize, inverse_mass: f64) -> f64 {
+    fn mobility_without_filaments(&self, slot: usize, inverse_mass: f64) -> f64 {
         self.air.map_or(inverse_mass, |air| inverse_mass * f64::from(air.gain[slot]))
     }
 
@@ -201,7 +201,7 @@ impl<'a> Field<'a> {
     /// f and ν.
     pub fn velocity_after(&self, particles: &Particles, slot: usize, velocity: DVec3, h: f64) -> DVec3 {
         let Some(load) = self.filament(slot) else {
-            return self.even_velocity_after(particles, slot, velocity, h);
+            return self.velocity_without_filaments(particles, slot, velocity, h);
         };
         let inverse_mass = f64::from(particles.inverse_mass()[slot]);
         let force = particles.applied_force.get(slot).as_dvec3();
@@ -210,11 +210,17 @@ impl<'a> Field<'a> {
         matrix.inverse() * (velocity + h * (self.acceleration(slot) + inverse_mass * force))
     }
 
-    /// The same without what filaments do.
-    pub fn even_velocity_after(&self, particles: &Particles, slot: usize, velocity: DVec3, h: f64) -> DVec3 {
+    /// The same without filaments.
+    pub fn velocity_without_filaments(
+        &self,
+        particles: &Particles,
+        slot: usize,
+        velocity: DVec3,
+        h: f64,
+    ) -> DVec3 {
         let inverse_mass = f64::from(particles.inverse_mass()[slot]);
         let force = particles.applied_force.get(slot).as_dvec3();
-        (velocity + h * (self.even_acceleration(slot) + inverse_mass * force))
+        (velocity + h * (self.acceleration_without_filaments(slot) + inverse_mass * force))
             / (1.0 + h * self.decay_rate(slot, inverse_mass))
     }
 }

@@ -1,5 +1,7 @@
 //! What islands may reach in a tick, as boxes.
 
+use std::ops::Range;
+
 use bevy::math::{Vec3, Vec3A};
 
 use super::material::{Skin, skin_of};
@@ -89,23 +91,27 @@ impl pulp::WithSimd for Measure<'_> {
             if !slots.clone().any(|slot| scene.is_sphere(slot)) {
                 continue;
             }
-            let box_of = |axes: [&[f32]; 3]| {
-                let extremes = axes.map(|axis| extremes(simd, &axis[slots.clone()]));
-                let [least, most] = [0, 1].map(|side| Vec3A::from_array(extremes.map(|axis| axis[side])));
-                Box3 { least, most }
-            };
             let motion = match *island {
                 Some(island) => {
-                    boxes[island] = boxes[island].union(box_of(particles.position.axes()));
+                    boxes[island] = boxes[island].union(box_of(simd, particles.position.axes(), &slots));
                     &mut *islands
                 }
                 None => &mut *loose,
             };
-            motion.velocity = motion.velocity.union(box_of(particles.velocity.axes()));
+            motion.velocity = motion.velocity.union(box_of(simd, particles.velocity.axes(), &slots));
             let [_, thickest] = extremes(simd, &particles.radius()[slots]);
             motion.thickest = motion.thickest.max(thickest);
         }
     }
+}
+
+/// The box around some points. In no closure: that would not be compiled for vectors.
+#[inline(always)]
+fn box_of<S: pulp::Simd>(simd: S, [x, y, z]: [&[f32]; 3], slots: &Range<usize>) -> Box3 {
+    let x = extremes(simd, &x[slots.clone()]);
+    let y = extremes(simd, &y[slots.clone()]);
+    let z = extremes(simd, &z[slots.clone()]);
+    Box3 { least: Vec3A::new(x[0], y[0], z[0]), most: Vec3A::new(x[1], y[1], z[1]) }
 }
 
 /// The least and the greatest of some values; NaN is left out.
@@ -117,6 +123,9 @@ fn extremes<S: pulp::Simd>(simd: S, values: &[f32]) -> [f32; 2] {
         // The second operand where the first is NaN, on processors that tell them apart.
         (least, most) = (simd.min_f32s(*vector, least), simd.max_f32s(*vector, most));
     }
-    let ends = [simd.reduce_min_f32s(least), simd.reduce_max_f32s(most)];
-    rest.iter().fold(ends, |[least, most], value| [least.min(*value), most.max(*value)])
+    let (mut least, mut most) = (simd.reduce_min_f32s(least), simd.reduce_max_f32s(most));
+    for value in rest {
+        (least, most) = (least.min(*value), most.max(*value));
+    }
+    [least, most]
 }

@@ -57,7 +57,7 @@ struct Tight {
     is_met: bool,
 }
 
-/// Between which distances a pair that starts `distance` apart, m, is stopped at an attempt; the least of the first one is `least`, m.
+/// The distances, m, between which a pair is stopped at an `attempt`, if it is `distance` m apart at the start and to keep `least` m.
 fn band(distance: f32, least: f32, attempt: u32) -> [f32; 2] {
     let width = least.min(distance - least).max(0.0) / (2 * MAX_BANDS) as f32;
     let lower = least - attempt.min(MAX_BANDS) as f32 * width;
@@ -186,7 +186,7 @@ impl Advance {
         self.is_pushed.clear();
     }
 
-    /// Lists the pairs that come too near on their ways, and those that are so near at the start that they would if others stopped.
+    /// Lists the pairs that come too near on their ways, and those that are so near at the start that they would if one of them stopped.
     /// Both are in any list of candidates that holds for these ways: which pairs are tight does not depend on when they were found.
     fn find_tight(&mut self, search: &Search, moving: Moving, attempt: u32) {
         self.tight.clear();

@@ -59,8 +59,8 @@ impl Ways {
         closest(self.kind, &self.at(time))
     }
 
-    /// The distance of the sides along a direction, at the start (`time` 0) or at the end (1). While the order of the sides is that of
-    /// the direction it is a concave function of time, so that on all the way they are at least as far apart as at one of its ends.
+    /// The distance of the sides along a direction when the part `time` of the way is done. As a function of time this is
+    /// concave, so that on all the way they are at least as far apart along it as at one of its ends.
     pub fn gap(&self, direction: Vec3A, time: f32) -> f32 {
         // Relative to a corner, so that little is lost by rounding.
         let (sides, origin) = (self.kind.first_side(), self.start[0]);
@@ -80,7 +80,7 @@ impl Ways {
         longest(&self.way[..sides]) + longest(&self.way[sides..count])
     }
 
-    /// Whether the direction in which they are apart at the end says that they are at least `least`, m, apart all the way.
+    /// Whether they are at least `least` m apart all the way along the direction of their closest points at the end.
     fn is_apart_at_the_end(&self, least: f32) -> bool {
         let apart = self.closest(1.0).apart;
         let distance = apart.length();
@@ -97,7 +97,7 @@ impl Ways {
         self.first_within(distance, [least, least + CLOSE_PART * least.min(distance - least).max(0.0)])
     }
 
-    /// When they first are between `least` and `close`, m, apart; see [`Self::first_near`].
+    /// The same, at a distance between `least` and `close`, m.
     pub fn first_within(&self, distance: f32, [least, close]: [f32; 2]) -> f32 {
         let speed = self.relative_way();
         if distance - speed > least || self.is_apart_at_the_end(least) {

@@ -135,7 +135,8 @@ impl System {
             if node < elimination.free {
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
                 self.inertia[node] = mass / (h * h) + field.drag(slot, mass) / h;
-                self.flight[node] = start + h * field.even_velocity_after(particles, slot, velocity, h);
+                self.flight[node] =
+                    start + h * field.velocity_without_filaments(particles, slot, velocity, h);
                 self.tethers.add((node, start), (slot, mass), field, h);
             }
         }

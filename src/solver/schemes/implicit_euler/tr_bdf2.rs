@@ -271,7 +271,8 @@ impl Stages {
                 let slot = elimination.slots[node] as usize;
                 let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
                 system.inertia[node] = mass / (s * s) + field.drag(slot, mass) / s;
-                system.flight[node] = position + s * field.even_velocity_after(particles, slot, velocity, s);
+                system.flight[node] =
+                    position + s * field.velocity_without_filaments(particles, slot, velocity, s);
                 system.tethers.add((node, position), (slot, mass), field, s);
             }
         }
