@@ -41,6 +41,7 @@ use bevy::prelude::*;
 
 use crate::bend::Bend;
 use crate::collider::{ColliderMotion, move_colliders};
+use crate::nets::Winch;
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -113,9 +114,14 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
             schedule,
             (
                 (
-                    (nets::give_breaking, nets::gather_parts).chain().run_if(nets::any_nets),
-                    nets::tie_attachments.run_if(nets::any_untied),
-                    nets::turn_winches.run_if(nets::any_winches),
+                    (
+                        nets::give_breaking,
+                        nets::gather_parts,
+                        nets::tie_attachments.run_if(nets::any_untied),
+                        nets::turn_winches.run_if(any_with_component::<Winch>),
+                    )
+                        .chain()
+                        .run_if(nets::any_nets),
                     move_colliders.run_if(any_with_component::<ColliderMotion>),
                     gather::gather,
                 )

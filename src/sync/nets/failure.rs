@@ -103,8 +103,3 @@ pub(super) fn note_yields(
         }
     }
 }
-
-/// Whether a tick has anything to do here.
-pub(in crate::sync) fn any_winches(state: Res<MassSpringState>, winches: Query<(), With<Winch>>) -> bool {
-    !state.nets.entries.is_empty() && !winches.is_empty()
-}
