@@ -92,7 +92,7 @@ impl Air {
         self.chunks.clear();
         self.chunks.extend((0..count).step_by(CHUNK).map(|start| (start..count.min(start + CHUNK)).any(any)));
         let AirLoad { push, rate, gain, filaments } = &mut self.load;
-        // These have no entries of their own in the arrays.
+        // Particles at which filaments end have no entries in the arrays.
         filaments.clear();
         let slots = (0..count).filter(|slot| !self.filaments_at.of(*slot).is_empty());
         filaments.extend(slots.map(|slot| FilamentLoad::of(slot as u32)));

@@ -50,7 +50,7 @@ pub(super) struct FilamentLoad {
 }
 
 impl FilamentLoad {
-    /// None yet.
+    /// Without a force yet.
     pub fn of(slot: u32) -> Self {
         Self { slot, ..Self::default() }
     }

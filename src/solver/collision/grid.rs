@@ -19,8 +19,8 @@ use crate::solver::particles::Vectors;
 const LANES: usize = 4;
 
 /// Greatest number of listed partners of a sphere that are of its own size or larger: the densest packing of spheres that do
-/// not overlap has about half as many within thick skins. A sphere with so many is *crowded*: where spheres are put into each
-/// other, all would be partners of all.
+/// not overlap has about half as many within thick skins. A sphere that reaches this number is *crowded*: the pairs of
+/// n spheres that all overlap are n²/2.
 const MAX_PARTNERS: usize = 64;
 
 /// Number of them that a crowded one keeps: enough to come apart, and few enough to be solved.

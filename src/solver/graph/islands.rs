@@ -141,7 +141,7 @@ impl Islands {
         &mut self.islands[self.of_slot[slot] as usize]
     }
 
-    /// Changes with them.
+    /// Changes whenever the islands do.
     pub fn key(&self) -> (Version, Version) {
         self.key
     }

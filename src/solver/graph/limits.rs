@@ -43,7 +43,7 @@ impl Limits {
     /// Makes them those of the present springs.
     pub fn refresh(&mut self, elements: &Elements, particles: &Particles) {
         let key = Some((elements.limits_version(), particles.free_version()));
-        let has_same_springs = self.key.map(|(limits, _)| limits) == key.map(|(limits, _)| limits);
+        let has_same_springs = self.key.is_some_and(|(limits, _)| limits == elements.limits_version());
         if self.key == key || has_same_springs && !self.any {
             return;
         }

@@ -17,8 +17,8 @@ const MAX_CAST_STEPS: usize = 512;
 const TOUCH: f64 = 1e-9;
 
 impl Shape {
-    /// Where a ball whose surface is `radius` from its centre first meets it on the way of its centre from `from` to
-    /// `to`, in its own axes; `None` where it goes past, away or along it. Its centre is kept from crossing meshes.
+    /// Where a ball of this `radius` first touches the shape while its centre moves from `from` to `to`, in the axes of the
+    /// shape; `None` where it goes past, away or along it. Of meshes, where the centre crosses them.
     pub(in crate::solver) fn first_touch(&self, from: DVec3, to: DVec3, radius: f64) -> Option<Crossing> {
         match &self.0 {
             Kind::Mesh(mesh) => mesh.crossing(from, to),

@@ -1,6 +1,6 @@
 //! A tree of boxes: of the triangles of a mesh, of the parts of a compound, and of all colliders.
 //!
-//! Each node has four children, whose boxes lie side by side so that all four are tested by the same vector
+//! Each node has four children. Their boxes lie side by side, so that all four are tested by the same vector
 //! instructions. It is built by halving along the longest axis, so that its depth is bounded and it is the same on
 //! every run. A query returns all items that overlap, or the nearest one: the order of traversal changes no
 //! result as long as the smallest index is taken of those that are equally near.
@@ -93,7 +93,7 @@ pub(in crate::solver) struct Tree {
 }
 
 impl Tree {
-    /// That of these boxes, whose numbers are its items.
+    /// Builds the tree of these boxes; its items are their numbers.
     pub fn build(&mut self, bounds: &[Bounds]) {
         self.nodes.clear();
         self.items.clear();
@@ -131,7 +131,7 @@ impl Tree {
         number as u32
     }
 
-    /// Calls `visit` with each item whose box may overlap these bounds.
+    /// Calls `visit` with each item with a box that may overlap these bounds.
     #[inline]
     pub fn overlapping(&self, bounds: &Bounds, mut visit: impl FnMut(u32)) {
         let (mut pending, mut count) = ([0_u32; MAX_PENDING], usize::from(!self.nodes.is_empty()));
@@ -279,7 +279,7 @@ impl MovingTree {
         self.tree.build(&self.wide);
     }
 
-    /// Calls `visit` with each item whose box may overlap these bounds, in no order.
+    /// Calls `visit` with each item with a box that may overlap these bounds, in no order.
     #[inline]
     pub fn overlapping(&self, bounds: &Bounds, visit: impl FnMut(u32)) {
         self.tree.overlapping(bounds, visit);

@@ -59,8 +59,8 @@ use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
-/// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs; after half of them all
-/// go back to where they were.
+/// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs; after half of them, and
+/// after the last one, all go back to where they were.
 const MAX_STOPS: u32 = 16;
 
 /// The place of a particle that touches nothing.
@@ -246,7 +246,8 @@ impl Surfaces {
             }
             any = true;
         }
-        any
+        self.advance.put_back(&self.start, particles, &self.primitives.on_mesh);
+        true
     }
 
     /// Copies the particles that touch something, and gives the contacts their places.
