@@ -16,7 +16,7 @@ use crate::nets::{
 };
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
-use crate::schedule::{MassSpringSystems, SimulationSchedule, time_advances};
+use crate::schedule::{MassSpringSystems, SimulationSchedule, Tick, time_advances};
 use crate::settings::{Dimensions, OrphanedSprings, SleepSettings, SolverSettings};
 use crate::spring::{Broken, Spring};
 use crate::sync;
@@ -101,13 +101,11 @@ impl Plugin for MassSpringPlugin {
             .add_message::<Broke>()
             .configure_sets(
                 self.schedule,
-                (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter).chain(),
-            )
-            .configure_sets(
-                self.schedule,
                 (MassSpringSystems::Gather, MassSpringSystems::Step, MassSpringSystems::Scatter)
-                    .run_if(time_advances),
-            );
+                    .chain()
+                    .in_set(Tick),
+            )
+            .configure_sets(self.schedule, Tick.run_if(time_advances));
         sync::build(app, self.schedule);
         nets::build(app, self.schedule);
         register_types(app);

@@ -17,6 +17,10 @@ pub enum MassSpringSystems {
     Scatter,
 }
 
+/// All stages: one condition for them costs less than one for each.
+#[derive(SystemSet, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Tick;
+
 /// The schedule of the simulation. The plugins that belong to a tick read it in `Plugin::finish`, where
 /// the order of plugins does not matter, so that none of them takes a schedule of its own.
 #[derive(Resource, Clone, Copy)]

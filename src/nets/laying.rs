@@ -113,14 +113,14 @@ shaped_recipe!(Balloon, "balloon", BalloonShape, shape, subdivisions);
 
 /// The recipe by which a net is laid out, and the mesh that it was made from.
 #[derive(Component, Debug, Clone)]
-struct LaidOut {
+pub(crate) struct LaidOut {
     recipe: AnyRecipe,
     mesh: Option<Arc<TriangleMesh>>,
 }
 
 /// The topologies of present nets by their recipes, so that equal recipes share one.
 #[derive(Resource, Default)]
-struct Topologies(Vec<(LaidOut, Weak<Topology>)>);
+pub(crate) struct Topologies(Vec<(LaidOut, Weak<Topology>)>);
 
 impl Topologies {
     /// The topology of a recipe: the one of another net, or a new one.
@@ -165,12 +165,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(note_inserted::<RecipeMesh>)
         .add_systems(PostStartup, lay_out_nets.run_if(any_pending))
         .add_systems(PostUpdate, lay_out_nets.run_if(any_pending))
-        .add_systems(
-            schedule,
-            (lay_out_nets.run_if(any_pending), change_materials.run_if(any_laid_out))
-                .chain()
-                .before(MassSpringSystems::Gather),
-        );
+        .add_systems(schedule, lay_out_nets.run_if(any_pending).before(MassSpringSystems::Gather));
     note_existing::<Rope>(app.world_mut());
     note_existing::<Cloth>(app.world_mut());
     note_existing::<Jelly>(app.world_mut());
@@ -189,10 +184,6 @@ fn note_existing<T: Component>(world: &mut World) {
 
 fn any_pending(pending: Res<PendingRecipes>) -> bool {
     !pending.0.is_empty()
-}
-
-fn any_laid_out(nets: Query<(), With<LaidOut>>) -> bool {
-    !nets.is_empty()
 }
 
 /// What laying out needs.
@@ -266,7 +257,7 @@ type Changes<'w, 's, R> =
     Query<'w, 's, (Entity, &'static R, &'static mut ParticleNet, &'static mut LaidOut), Changed<R>>;
 
 /// Gives nets the materials that their recipes have by now.
-fn change_materials(
+pub(crate) fn change_materials(
     mut queries: ParamSet<(Changes<Rope>, Changes<Cloth>, Changes<Jelly>, Changes<Balloon>)>,
     mut topologies: ResMut<Topologies>,
 ) {

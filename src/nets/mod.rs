@@ -51,7 +51,7 @@ pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
 pub use laying::RecipeMesh;
-pub(crate) use laying::build;
+pub(crate) use laying::{build, change_materials};
 pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
 pub(crate) use net::Arrays;
 pub use net::ParticleNet;

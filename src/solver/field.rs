@@ -122,7 +122,7 @@ impl<'a> Field<'a> {
     }
 
     /// The same without what filaments add, D u.
-    fn acceleration_without_filaments(&self, slot: usize) -> DVec3 {
+    pub fn acceleration_without_filaments(&self, slot: usize) -> DVec3 {
         let push = self.air.map(|air| air.push.get(slot).as_dvec3());
         let even = self.gravity.as_dvec3() + push.unwrap_or(DVec3::ZERO);
         self.filament(slot).map_or(even, |load| {

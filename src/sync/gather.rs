@@ -66,6 +66,8 @@ struct Seen {
 pub(super) struct Particles<'w, 's> {
     free_standing: Query<'w, 's, ParticleData, Without<ChildOf>>,
     parented: Query<'w, 's, (ParticleData, &'static ChildOf)>,
+    /// Those without a parent; what is looked up one by one is faster without what is not needed.
+    places: Query<'w, 's, &'static Transform, (With<Slot<Particle>>, Without<ChildOf>)>,
 }
 
 /// The whole stage, one system: each costs more to start than what there is to do in a small scene.
@@ -138,7 +140,7 @@ fn move_origin(
 ) {
     let slots = &state.particles.slots;
     let places = slots.iter().step_by(slots.len().div_ceil(SAMPLE).max(1)).filter_map(|entity| {
-        if let Ok((_, _, _, transform, ..)) = particles.free_standing.get(*entity) {
+        if let Ok(transform) = particles.places.get(*entity) {
             return Some(transform.translation);
         }
         let ((_, _, _, transform, ..), ChildOf(parent)) = particles.parented.get(*entity).ok()?;

@@ -41,7 +41,7 @@ use bevy::prelude::*;
 
 use crate::bend::Bend;
 use crate::collider::{ColliderMotion, move_colliders};
-use crate::nets::Winch;
+use crate::nets::{Winch, change_materials};
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -68,7 +68,17 @@ pub(crate) struct Simulation {
     shift: Vec3,
     /// The version of the state that the slots of the entities belong to.
     version: Version,
+    /// Whether anything reads which entities have begun and ceased to touch in this tick.
+    touching_is_read: bool,
 }
+
+/// What a tick does with nets before it gathers; a schedule of its own, so that worlds without nets pay for one system.
+#[derive(ScheduleLabel, Debug, Clone, PartialEq, Eq, Hash)]
+struct PrepareNets;
+
+/// What it does with them after loose particles are scattered.
+#[derive(ScheduleLabel, Debug, Clone, PartialEq, Eq, Hash)]
+struct ScatterNets;
 
 /// Adds the three stages to `schedule`, and the observers that keep the registries.
 pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
@@ -111,17 +121,22 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(nets::relink_part)
         .add_observer(nets::note_despawned_part)
         .add_systems(
+            PrepareNets,
+            (
+                change_materials,
+                nets::give_breaking,
+                nets::gather_parts,
+                nets::tie_attachments.run_if(nets::any_untied),
+                nets::turn_winches.run_if(any_with_component::<Winch>),
+            )
+                .chain(),
+        )
+        .add_systems(ScatterNets, (nets::scatter_nets, nets::scatter_parts).chain())
+        .add_systems(
             schedule,
             (
                 (
-                    (
-                        nets::give_breaking,
-                        nets::gather_parts,
-                        nets::tie_attachments.run_if(nets::any_untied),
-                        nets::turn_winches.run_if(any_with_component::<Winch>),
-                    )
-                        .chain()
-                        .run_if(nets::any_nets),
+                    (|world: &mut World| world.run_schedule(PrepareNets)).run_if(nets::any_nets),
                     move_colliders.run_if(any_with_component::<ColliderMotion>),
                     gather::gather,
                 )
@@ -131,7 +146,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                 (
                     scatter::scatter,
                     touching::publish_touching.run_if(touching::is_requested),
-                    (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets),
+                    (|world: &mut World| world.run_schedule(ScatterNets)).run_if(nets::any_nets),
                 )
                     .chain()
                     .in_set(MassSpringSystems::Scatter),

@@ -34,8 +34,9 @@ pub(super) fn run_step(
     let (state, simulation) = (&mut *state, &mut *simulation);
     let mut complaints = Vec::new();
     let settings = configuration.settings(&mut complaints);
-    let Simulation { inputs, caches, outputs, version, .. } = simulation;
-    outputs.record_contacts = contacts.is_some() || touching.any();
+    let Simulation { inputs, caches, outputs, version, touching_is_read, .. } = simulation;
+    *touching_is_read = touching.any();
+    outputs.record_contacts = contacts.is_some() || *touching_is_read;
     outputs.record_forces = forces.is_some();
     step(&mut state.solver, inputs, caches, outputs, &settings);
     state.version = Version::new();

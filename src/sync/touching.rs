@@ -28,8 +28,8 @@ impl Requests<'_, '_> {
 }
 
 /// Whether events are due or stored pairs are to be dropped.
-pub(super) fn is_requested(requests: Requests, state: Res<MassSpringState>) -> bool {
-    requests.any() || !state.touching.is_empty()
+pub(super) fn is_requested(simulation: Res<Simulation>, state: Res<MassSpringState>) -> bool {
+    simulation.touching_is_read || !state.touching.is_empty()
 }
 
 /// Publishes the pairs that touch in this tick and did not in the last one, and those that did and do not any more.

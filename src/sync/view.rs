@@ -134,15 +134,17 @@ impl View {
 /// moves only where most particles gain by it, being much nearer to their median than that is to the present origin: it
 /// does not follow a net that explodes.
 pub(super) fn choose_origin(present: Vec3, places: impl Iterator<Item = Vec3>) -> Vec3 {
-    let mut axes = [[0.0_f32; SAMPLE]; 3];
-    let mut count = 0;
+    let mut sample = [Vec3::ZERO; SAMPLE];
+    let (mut count, mut are_near) = (0, true);
     for place in places.filter(|place| place.is_finite()).take(SAMPLE) {
-        axes.iter_mut().zip(place.to_array()).for_each(|(axis, coordinate)| axis[count] = coordinate);
+        are_near &= (place - present).abs().cmple(Vec3::splat(REACH)).all();
+        sample[count] = place;
         count += 1;
     }
-    if count == 0 {
+    if are_near {
         return present;
     }
+    let mut axes = [0, 1, 2].map(|axis| sample.map(|place| place[axis]));
     let mut origin = present.to_array();
     for (origin, axis) in origin.iter_mut().zip(&mut axes) {
         let axis = &mut axis[..count];

@@ -26,6 +26,10 @@ const MIN_LIFE: f32 = 10.0;
 /// in sixteen fast.
 const FAST_TICKS: [f32; 4] = [4.0, 1.0, 0.25, 0.0];
 
+/// Number of searches, at most, that do not look for free chains, since the last ones have found none: a look costs a third
+/// of a search.
+const MAX_PAUSE: u32 = 16;
+
 /// The last search: from it, radii, masses and springs follow the candidates, their order and their groups.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
@@ -42,6 +46,8 @@ pub(super) struct BroadPhase {
     pub up: Vec3,
     /// Whether any particle has a skin.
     pub any_skins: bool,
+    /// Number of searches that are to look for no chains, and of those that were when they began to.
+    pause: [u32; 2],
 }
 
 impl BroadPhase {
@@ -95,7 +101,7 @@ impl BroadPhase {
         self.any_skins = true;
     }
 
-    /// Finds the free chains.
+    /// Finds the free chains, but not in each search where there were none in the last ones.
     pub fn find_chains(
         &mut self,
         search: &mut ChainSearch,
@@ -103,8 +109,15 @@ impl BroadPhase {
         exclusions: &Exclusions,
         durations: Durations,
     ) {
-        let Self { skins, chains, chain_origins, .. } = self;
-        search.find(particles, exclusions, skins, durations, (chains, chain_origins));
+        let Self { skins, chains, chain_origins, pause: [left, whole], .. } = self;
+        if *left > 0 {
+            *left -= 1;
+            chains.clear();
+        } else {
+            search.find(particles, exclusions, skins, durations, (chains, chain_origins));
+            *whole = if chains.is_empty() { (2 * *whole).clamp(1, MAX_PAUSE) } else { 0 };
+            *left = *whole;
+        }
         self.remove_chain_skins();
         self.any_skins = (0..particles.len()).any(|slot| self.has_skin(slot));
     }

@@ -12,6 +12,7 @@ use std::ops::{ControlFlow, Range};
 
 use bevy::math::{IVec3, Vec3, Vec4};
 
+use super::few::Few;
 use crate::solver::parallel;
 use crate::solver::particles::Vectors;
 
@@ -28,6 +29,9 @@ const CROWDED_PARTNERS: usize = 10;
 
 /// Number of smaller partners that a sphere finds, at most.
 const MAX_SMALLER_PARTNERS: usize = 4096;
+
+/// Number of spheres up to which all are tested against all.
+const MAX_FEW: usize = 256;
 
 /// Number of size classes: one for each exponent of an f32.
 const CLASSES: usize = 256;
@@ -93,6 +97,7 @@ pub(super) struct Grid {
     counts: Vec<u32>,
     searches: Vec<Search>,
     unsorted: Vec<(Sphere, Label)>,
+    few: Few,
     /// The spheres in the order of their buckets: centers and reaches, padded for whole vectors at the end.
     centers: Vectors,
     reach: Vec<f32>,
@@ -118,7 +123,15 @@ impl Grid {
         (may_collide, is_limited): (impl Fn(u32, u32) -> bool + Sync, impl Fn(u32) -> bool + Sync),
         pairs: &mut Vec<(u32, u32)>,
     ) {
-        self.fill(spheres);
+        self.unsorted.clear();
+        self.unsorted.extend(spheres.map(|(slot, center, reach)| {
+            (Sphere { center, reach }, Label { slot, class: 0, cell: IVec3::ZERO })
+        }));
+        if self.unsorted.len() <= MAX_FEW {
+            self.find_few(may_collide, is_limited, pairs);
+            return;
+        }
+        self.sort();
         self.plan_searches();
         let count = self.labels.len();
         let mut found = std::mem::take(&mut self.found);
@@ -145,8 +158,6 @@ impl Grid {
         let Label { slot, class, cell } = self.labels[index];
         let is_limited = is_limited(slot);
         let first = found.len();
-        let row = Row { class, cell, count: 1 };
-        let own_end = self.bucket_starts[bucket(class, cell, self.mask) + 1] as usize;
         let list = |found: &mut Vec<(u32, u32)>, limit: usize, a: u32, b: u32| {
             if may_collide(a, b) {
                 found.push((a, b));
@@ -160,8 +171,7 @@ impl Grid {
         let is_crowded = {
             let mut add = |a, b| list(found, MAX_PARTNERS, a, b);
             let rows = || LATER_ROWS.map(|(y, z)| cell.wrapping_add(IVec3::new(-1, y, z)));
-            self.test(index, index + 1..own_end, row, &mut add).is_break()
-                || self.visit(index, Row { cell: cell.wrapping_add(IVec3::X), ..row }, &mut add).is_break()
+            self.visit_own(index, Row { class, cell, count: 2 }, &mut add).is_break()
                 || rows()
                     .into_iter()
                     .any(|cell| self.visit(index, Row { class, cell, count: 3 }, &mut add).is_break())
@@ -195,20 +205,45 @@ impl Grid {
         ControlFlow::Continue(())
     }
 
+    /// Lists the overlapping ones of a few spheres, which are in no cells.
+    fn find_few(
+        &mut self,
+        may_collide: impl Fn(u32, u32) -> bool,
+        is_limited: impl Fn(u32) -> bool,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        pairs.clear();
+        self.few
+            .set(self.unsorted.iter().map(|(Sphere { center, reach }, label)| (label.slot, *center, *reach)));
+        // The first sphere of the last pair, and the number of pairs before its own.
+        let (mut last, mut before) = (0, 0);
+        self.few.for_each_pair(|one, [a, b]| {
+            if one != last {
+                (last, before) = (one, pairs.len());
+            }
+            if may_collide(a, b) {
+                pairs.push((a, b));
+            }
+            let is_crowded = pairs.len() >= before + MAX_PARTNERS && is_limited(a);
+            if is_crowded {
+                pairs.truncate(before + CROWDED_PARTNERS);
+            }
+            !is_crowded
+        });
+    }
+
     /// Sorts the spheres into their cells.
-    fn fill(&mut self, spheres: impl Iterator<Item = (u32, Vec3, f32)>) {
+    fn sort(&mut self) {
         self.cell_sizes.clear();
         self.cell_sizes.resize(CLASSES, 0.0);
         self.counts.clear();
         self.counts.resize(CLASSES, 0);
-        self.unsorted.clear();
-        for (slot, center, reach) in spheres {
+        for (sphere, label) in &mut self.unsorted {
             // The exponent of the diameter: spheres of one class differ by less than a factor of two.
-            let class = (2.0 * reach).to_bits() >> 23;
-            let size = &mut self.cell_sizes[class as usize];
-            *size = size.max(2.0 * reach);
-            self.counts[class as usize] += 1;
-            self.unsorted.push((Sphere { center, reach }, Label { slot, class, cell: IVec3::ZERO }));
+            label.class = (2.0 * sphere.reach).to_bits() >> 23;
+            let size = &mut self.cell_sizes[label.class as usize];
+            *size = size.max(2.0 * sphere.reach);
+            self.counts[label.class as usize] += 1;
         }
         // More buckets than the longest row of cells, so that its cells come into different ones.
         let buckets = (2 * self.unsorted.len()).next_power_of_two().max(MAX_RANGE as usize * 4);
@@ -277,6 +312,24 @@ impl Grid {
             self.test(index, start..self.labels.len(), row, found)?;
             let wrapped = self.bucket_starts[end - buckets] as usize;
             self.test(index, 0..wrapped, row, found)
+        }
+    }
+
+    /// Tests the sphere at `index` against those after it in the row of its own cell and the next one.
+    #[inline]
+    fn visit_own(
+        &self,
+        index: usize,
+        row: Row,
+        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let own = bucket(row.class, row.cell, self.mask);
+        match self.bucket_starts.get(own + 2) {
+            Some(end) => self.test(index, index + 1..*end as usize, row, found),
+            None => {
+                self.test(index, index + 1..self.labels.len(), row, found)?;
+                self.test(index, 0..self.bucket_starts[1] as usize, row, found)
+            }
         }
     }
 

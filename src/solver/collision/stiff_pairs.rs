@@ -23,7 +23,11 @@ pub(in crate::solver) struct StiffPair {
 pub(in crate::solver) struct StiffPairs {
     grid: Grid,
     exclusions: Exclusions,
+    /// The spheres around the ways: slots, centres and radii, m.
+    swept: Vec<(u32, Vec3, f32)>,
     near: Vec<(u32, u32)>,
+    /// The pairs that touch: their slots, the direction, and whether they overlapped at the start.
+    touching: Vec<([u32; 2], Vec3, bool)>,
     entangled: Vec<[u32; 2]>,
 }
 
@@ -39,16 +43,30 @@ impl StiffPairs {
         is_in_island: impl Fn(u32) -> bool + Sync,
         found: &mut Vec<StiffPair>,
     ) {
-        let Self { grid, exclusions, near, entangled } = self;
+        let Self { grid, exclusions, swept, near, touching, entangled } = self;
         let covered = surroundings.covered;
         let is_sphere = |slot: usize| particles.radius()[slot] > 0.0 && covered.get(slot) != Some(&true);
         let spheres = slots.filter(|slot| is_sphere(*slot)).map(|slot| {
             let (start, end) = (start.get(slot), particles.position.get(slot));
             (slot as u32, start.midpoint(end), particles.radius()[slot] + 0.5 * start.distance(end))
         });
+        swept.clear();
+        swept.extend(spheres);
+        // Few sizes, since spheres of different ones are looked for one size after the other.
+        let mean = geometric_mean(swept.iter().map(|(_, _, reach)| *reach));
+        let even = swept.iter().map(|(slot, centre, reach)| (*slot, *centre, reach.max(mean)));
         let may_collide = |one, other| is_in_island(one) || is_in_island(other);
-        grid.find_pairs(spheres, (may_collide, |_| false), near);
-        if near.is_empty() {
+        grid.find_pairs(even, (may_collide, |_| false), near);
+        touching.clear();
+        touching.extend(near.iter().filter_map(|&(one, other)| {
+            let slots = [one.min(other), one.max(other)];
+            let [first, second] = slots.map(|slot| slot as usize);
+            let reach = particles.radius()[first] + particles.radius()[second];
+            let apart = |vectors: &Vectors| vectors.get(first) - vectors.get(second);
+            let normal = touch(apart(start), apart(&particles.position), reach)?;
+            Some((slots, normal, apart(start).length_squared() < reach * reach))
+        }));
+        if touching.is_empty() {
             return;
         }
         let memory = surroundings.memory;
@@ -56,15 +74,9 @@ impl StiffPairs {
         entangled.clear();
         entangled.extend_from_slice(memory.entangled());
         entangled.sort_unstable();
-        near.sort_unstable_by_key(|(one, other)| [*one.min(other), *one.max(other)]);
+        touching.sort_unstable_by_key(|(slots, ..)| *slots);
         let known = found.len();
-        for &(one, other) in &*near {
-            let slots = [one.min(other), one.max(other)];
-            let [first, second] = slots.map(|slot| slot as usize);
-            let reach = particles.radius()[first] + particles.radius()[second];
-            let apart = |vectors: &Vectors| vectors.get(first) - vectors.get(second);
-            let Some(normal) = touch(apart(start), apart(&particles.position), reach) else { continue };
-            let overlapped = apart(start).length_squared() < reach * reach;
+        for &(slots, normal, overlapped) in &*touching {
             let is_new = || !slots.iter().all(|slot| memory.has_searched(*slot));
             let layers = slots.map(|slot| skin_of(surroundings.skins, slot as usize).layers);
             let is_excluded = exclusions.contains(slots[0], slots[1])
@@ -77,6 +89,14 @@ impl StiffPairs {
         }
         found.sort_unstable_by_key(|pair| pair.slots);
     }
+}
+
+/// About the geometric mean of positive values, for which single large ones hardly count; 0 of none.
+fn geometric_mean(values: impl Iterator<Item = f32>) -> f32 {
+    // The bits of a float grow about as its logarithm does.
+    let (sum, count) =
+        values.fold((0, 0), |(sum, count), value| (sum + u64::from(value.to_bits()), count + 1));
+    f32::from_bits(u64::checked_div(sum, count).unwrap_or_default() as u32)
 }
 
 /// The direction of the separation when it first is as short as `reach` on the straight way from `start` to `end`;
@@ -101,6 +121,16 @@ fn touch(start: Vec3, end: Vec3, reach: f32) -> Option<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_mean_is_between_the_values_and_hardly_moved_by_a_large_one() {
+        let mean = |values: &[f32]| geometric_mean(values.iter().copied());
+        assert_eq!((mean(&[]), mean(&[0.3, 0.3])), (0.0, 0.3));
+        assert!((mean(&[0.1, 1.6]) / 0.4 - 1.0).abs() < 0.1);
+        let mut values = [0.1; 300];
+        values[7] = 1e9;
+        assert!(mean(&values) < 0.12);
+    }
 
     #[test]
     fn the_first_touch_on_the_way_counts() {

@@ -92,11 +92,11 @@ impl<const N: usize> Element<N> for Bend<N> {
         0.5 * f64::from(self.stiffness) * beyond * beyond
     }
 
-    fn potential(&self, start: DVec3, step: f64) -> Potential {
+    fn potential(&self, start: f64, step: f64) -> Potential {
         let (stiffness, damping_rate) = (f64::from(self.stiffness), f64::from(self.damping) / step);
         let (sum, rest_length) = (stiffness + damping_rate, f64::from(self.rest_length));
         let rest_length = match damping_rate > 0.0 {
-            true => (stiffness * rest_length + damping_rate * start.length()) / sum,
+            true => (stiffness * rest_length + damping_rate * start) / sum,
             false => rest_length,
         };
         Potential { stiffness: sum, rest_length, tension_only: false }

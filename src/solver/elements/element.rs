@@ -25,8 +25,8 @@ pub(in crate::solver) trait Element<const N: usize>:
     fn energy(&self, separation: DVec3) -> f64;
 
     /// The same with its damper, as one [`Potential`] of a step of backward Euler of `step` seconds that begins
-    /// with the separation `start`.
-    fn potential(&self, start: DVec3, step: f64) -> Potential;
+    /// with the length `start` = ‖s‖ (m).
+    fn potential(&self, start: f64, step: f64) -> Potential;
 
     /// Coefficients for the bounds on frequencies, and for position-based dynamics.
     fn rates(&self) -> Rates;

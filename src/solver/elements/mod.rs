@@ -189,7 +189,7 @@ macro_rules! define_elements {
 
             /// See [`Element::potential`].
             #[inline]
-            pub(super) fn potential(&self, number: u32, start: DVec3, step: f64) -> Potential {
+            pub(super) fn potential(&self, number: u32, start: f64, step: f64) -> Potential {
                 let mut number = number as usize;
                 $($(#[$meta])* {
                     if let Some(element) = self.$kind.element(number) {

@@ -32,10 +32,10 @@ impl Element<3> for Sling {
         0.5 * f64::from(self.stiffness) * separation.length_squared()
     }
 
-    fn potential(&self, start: DVec3, step: f64) -> Potential {
+    fn potential(&self, start: f64, step: f64) -> Potential {
         let (stiffness, damping_rate) = (f64::from(self.stiffness), f64::from(self.damping) / step);
         let sum = stiffness + damping_rate;
-        let rest_length = if sum > 0.0 { damping_rate * start.length() / sum } else { 0.0 };
+        let rest_length = if sum > 0.0 { damping_rate * start / sum } else { 0.0 };
         Potential { stiffness: sum, rest_length, tension_only: false }
     }
 

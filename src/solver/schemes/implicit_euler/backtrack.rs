@@ -9,7 +9,8 @@
 use bevy::math::{DVec3, Vec3};
 
 use super::surplus::MAX_GAIN;
-use super::tr_bdf2::{Motion, energy};
+use super::surplus::energy;
+use super::tr_bdf2::Motion;
 use super::{ImplicitEuler, Island, Step, write};
 use crate::solver::collision::Surroundings;
 use crate::solver::elements::Elements;

@@ -25,8 +25,9 @@ pub(super) struct Contribution {
 }
 
 impl Linearised {
-    pub fn new(potential: Potential, start: DVec3) -> Self {
-        let length = start.length();
+    /// One that is linearised first with the direction of `start`, a separation of this `length`.
+    #[inline]
+    pub fn new(potential: Potential, start: DVec3, length: f64) -> Self {
         Self { potential, direction: if length > 0.0 { start / length } else { DVec3::ZERO } }
     }
 

@@ -318,11 +318,11 @@ impl Island {
         if !self.stages.begin(context, particles, pulls) {
             return false;
         }
-        self.stages.begin_trapezoid(&mut self.system, context, particles);
+        self.stages.begin_trapezoid(&mut self.system, context);
         self.newton.minimise(&mut self.system, &self.elimination, MAX_STEPS);
         self.balance();
         let context = step.context(&self.elimination);
-        self.stages.begin_difference(&mut self.system, context, particles);
+        self.stages.begin_difference(&mut self.system, context);
         self.newton.minimise(&mut self.system, &self.elimination, MAX_STEPS);
         self.balance();
         if step.obstacles.any_thin() {
@@ -337,7 +337,7 @@ impl Island {
         let (memory, families) = (step.surroundings.memory, particles.families());
         let filter = PairFilter { excluded, sprung: step.sprung, memory, families };
         if stages.enters_obstacle(system, context, particles, (step.obstacles, step.surroundings, &filter))
-            || stages.gains_energy(system, context, particles)
+            || stages.gains_energy(system, context)
         {
             return false;
         }

@@ -8,7 +8,7 @@
 use bevy::math::{DVec3, Vec3};
 
 use super::contact::Partner;
-use super::tr_bdf2::{Motion, energy};
+use super::tr_bdf2::{Context, Motion};
 use super::{Island, Step, write};
 use crate::solver::particles::{Particles, Vectors};
 
@@ -155,4 +155,31 @@ impl Island {
             acceleration.set(slot, acceleration.get(slot) + change.as_vec3());
         }
     }
+}
+
+/// Kinetic energy, and that of elements, gravity, the push of the air and applied forces, J.
+pub(super) fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Motion) -> [f64; 2] {
+    let Context { elimination, elements, field, .. } = context;
+    let (mut kinetic, mut potential) = (0.0, 0.0);
+    for (node, slot) in elimination.slots[..elimination.free].iter().enumerate() {
+        let (slot, Motion { position, velocity }) = (*slot as usize, motion(node));
+        let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
+        kinetic += 0.5 * mass * velocity.length_squared();
+        potential -=
+            (mass * field.acceleration(slot) + particles.applied_force.get(slot).as_dvec3()).dot(position);
+    }
+    let mut stretch = |number: u32, separation: DVec3| {
+        let (rates, rest_length, tension_only) = elements.coefficients(number);
+        let elongation = separation.length() - rest_length;
+        let elongation = if tension_only { elongation.max(0.0) } else { elongation };
+        potential += 0.5 * f64::from(rates.stiffness) * elongation.powi(2);
+    };
+    for (&number, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
+        stretch(number, motion(first as usize).position - motion(second as usize).position);
+    }
+    for nodes in &elimination.compounds {
+        let ends = nodes.ends().iter().zip(elements.weights(nodes.element));
+        stretch(nodes.element, ends.map(|(node, weight)| motion(*node as usize).position * weight).sum());
+    }
+    [kinetic, potential]
 }

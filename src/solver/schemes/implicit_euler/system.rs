@@ -144,13 +144,15 @@ impl System {
         self.elements.clear();
         for (&element, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
             let start = self.start[first as usize] - self.start[second as usize];
-            self.elements.push(Linearised::new(elements.potential(element, start, h), start));
+            let length = start.length();
+            self.elements.push(Linearised::new(elements.potential(element, length, h), start, length));
         }
         self.compounds.clear();
         for &nodes in &elimination.compounds {
             let weights = elements.weights(nodes.element);
             let start = combine(&nodes, weights, &self.start);
-            self.elements.push(Linearised::new(elements.potential(nodes.element, start, h), start));
+            let length = start.length();
+            self.elements.push(Linearised::new(elements.potential(nodes.element, length, h), start, length));
             self.compounds.push(Compound { nodes, weights, block: Symmetric::default() });
         }
     }

@@ -60,6 +60,8 @@ const MAX_GAIN: f64 = 1e-3;
 pub(super) struct Stages {
     start: Vec<Motion>,
     stage: Vec<Motion>,
+    /// By free node.
+    loads: Vec<Load>,
     pull: Vec<DVec3>,
     elements: Vec<Length>,
     /// The tension of each element at the end of the trapezoidal rule, N; empty after a step of backward Euler.
@@ -73,6 +75,17 @@ pub(super) struct Stages {
 pub(super) struct Motion {
     pub position: DVec3,
     pub velocity: DVec3,
+}
+
+/// What acts on a node apart from elements, and from what air does across filaments.
+#[derive(Debug, Clone, Copy, Default)]
+struct Load {
+    /// kg
+    mass: f64,
+    /// The acceleration that does not depend on its motion, m/s².
+    push: DVec3,
+    /// How fast it is stopped, 1/s.
+    rate: f64,
 }
 
 /// The length ‖s‖ of an element at the start, m, and its rate, m/s.
@@ -95,7 +108,7 @@ pub(super) struct Context<'a> {
 impl Stages {
     /// Reads the start of a step. False: the step is one for backward Euler.
     pub fn begin(&mut self, context: Context, particles: &Particles, pulls: &Pulls) -> bool {
-        let Context { elimination, h, .. } = context;
+        let Context { elimination, field, h, .. } = context;
         let free = &elimination.slots[..elimination.free];
         let mut is_known = true;
         for &slot in free {
@@ -112,6 +125,14 @@ impl Stages {
         };
         self.start.clear();
         self.start.extend(elimination.slots.iter().map(motion_of));
+        self.loads.clear();
+        self.loads.extend(free.iter().map(|slot| {
+            let slot = *slot as usize;
+            let inverse_mass = f64::from(particles.inverse_mass()[slot]);
+            let force = inverse_mass * particles.applied_force.get(slot).as_dvec3();
+            let push = field.acceleration_without_filaments(slot) + force;
+            Load { mass: 1.0 / inverse_mass, push, rate: field.decay_rate(slot, inverse_mass) }
+        }));
         self.pull.clear();
         if is_known {
             self.pull.extend(free.iter().map(|slot| pulls.get(*slot as usize).as_dvec3()));
@@ -191,27 +212,29 @@ impl Stages {
     }
 
     /// Sets `system` up for the trapezoidal rule.
-    pub fn begin_trapezoid(&mut self, system: &mut System, context: Context, particles: &Particles) {
+    pub fn begin_trapezoid(&mut self, system: &mut System, context: Context) {
         let Context { elimination, field, h, .. } = context;
         let s = STAGE * h;
         self.stage.clear();
         self.stage.extend(self.start.iter().enumerate().map(|(node, &Motion { position, velocity })| {
             let mut kicked = velocity;
             if node < elimination.free {
-                let slot = elimination.slots[node] as usize;
-                let inverse_mass = f64::from(particles.inverse_mass()[slot]);
-                let force = inverse_mass * particles.applied_force.get(slot).as_dvec3();
-                let drag = field.braking(slot, inverse_mass, velocity);
-                kicked += s * (self.pull[node] + field.acceleration(slot) + force - drag);
+                let Load { push, rate, .. } = self.loads[node];
+                let filaments = field.filament(elimination.slots[node] as usize).map(|load| load.across());
+                let across = filaments.map_or(DVec3::ZERO, |(across, air)| across * (air - velocity));
+                kicked += s * (self.pull[node] + push + across - rate * velocity);
             }
             Motion { position: position + s * velocity, velocity: kicked }
         }));
+        for (inertia, Load { mass, rate, .. }) in system.inertia.iter_mut().zip(&self.loads) {
+            *inertia = mass * (1.0 / s + rate) / s;
+        }
         let length = |Length { length, rate }: &Length, _: DVec3| length + s * rate;
-        self.begin_stage(system, context, particles, length);
+        self.begin_stage(system, context, length);
     }
 
     /// Sets `system`, which holds the solution of the trapezoidal rule, up for the backward difference formula.
-    pub fn begin_difference(&mut self, system: &mut System, context: Context, particles: &Particles) {
+    pub fn begin_difference(&mut self, system: &mut System, context: Context) {
         self.middle.clear();
         self.middle.extend(system.tensions(context.elimination));
         let s = STAGE * context.h;
@@ -227,18 +250,12 @@ impl Stages {
             let middle = middle.length();
             middle + WEIGHT * (middle - start.length)
         };
-        self.begin_stage(system, context, particles, length);
+        self.begin_stage(system, context, length);
     }
 
     /// Sets `system` up for a step of backward Euler from `stage`. The elements have their `length` there, which
     /// follows from that at the start of the step and from their separation as `system` has it.
-    fn begin_stage(
-        &mut self,
-        system: &mut System,
-        context: Context,
-        particles: &Particles,
-        length: impl Fn(&Length, DVec3) -> f64,
-    ) {
+    fn begin_stage(&mut self, system: &mut System, context: Context, length: impl Fn(&Length, DVec3) -> f64) {
         let Context { elimination, elements, field, h } = context;
         let s = STAGE * h;
         system.contacts.clear();
@@ -268,11 +285,9 @@ impl Stages {
             system.start[node] = position;
             system.position[node] = position + s * velocity;
             if node < elimination.free {
+                let Load { mass, push, rate } = self.loads[node];
+                system.flight[node] = position + s * (velocity + s * push) / (1.0 + s * rate);
                 let slot = elimination.slots[node] as usize;
-                let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-                system.inertia[node] = mass / (s * s) + field.drag(slot, mass) / s;
-                system.flight[node] =
-                    position + s * field.velocity_without_filaments(particles, slot, velocity, s);
                 system.tethers.add((node, position), (slot, mass), field, s);
             }
         }
@@ -310,22 +325,41 @@ impl Stages {
     }
 
     /// Whether the solution of the last stage has more energy than the start, while no pinned particle moves.
-    pub fn gains_energy(&self, system: &System, context: Context, particles: &Particles) -> bool {
-        let (free, s) = (context.elimination.free, STAGE * context.h);
-        if self.start[free..].iter().any(|pinned| pinned.velocity != DVec3::ZERO) {
+    pub fn gains_energy(&self, system: &System, context: Context) -> bool {
+        let Context { elimination, elements, field, h } = context;
+        if self.start[elimination.free..].iter().any(|pinned| pinned.velocity != DVec3::ZERO) {
             return false;
         }
-        let end = |node: usize| {
-            let (position, stage) = (system.position[node], self.stage[node].position);
-            Motion { position, velocity: (position - stage) / s }
+        let s = STAGE * h;
+        let (mut kinetic, mut new_kinetic, mut gained) = (0.0, 0.0, 0.0);
+        for (node, &Load { mass, push, .. }) in self.loads.iter().enumerate() {
+            let (start, position) = (self.start[node], system.position[node]);
+            let velocity = (position - self.stage[node].position) / s;
+            kinetic += 0.5 * mass * start.velocity.length_squared();
+            new_kinetic += 0.5 * mass * velocity.length_squared();
+            let filaments = field.filament(elimination.slots[node] as usize).map(|load| load.across());
+            let push = filaments.map_or(push, |(across, air)| push + across * air);
+            gained -= mass * push.dot(position - start.position);
+        }
+        let mut stretch = |number: u32, start: Length, length: f64| {
+            let (rates, rest_length, tension_only) = elements.coefficients(number);
+            let least = if tension_only { rest_length } else { 0.0 };
+            let [start, end] = [start.length, length].map(|length| length.max(least) - rest_length);
+            gained += 0.5 * f64::from(rates.stiffness) * (end - start) * (end + start);
         };
-        let energy = |motion: &dyn Fn(usize) -> Motion| {
-            let [kinetic, potential] = energy(context, particles, motion);
-            [kinetic, potential + system.gases.energy(context.elimination, |node| motion(node).position)]
-        };
-        let [kinetic, potential] = energy(&|node| self.start[node]);
-        let [new_kinetic, new_potential] = energy(&end);
-        new_kinetic + new_potential > kinetic + potential + MAX_GAIN * kinetic.max(new_kinetic)
+        let mut starts = self.elements.iter().copied();
+        let position = &system.position;
+        for ((&number, &[first, second]), start) in
+            elimination.elements.iter().zip(&elimination.ends).zip(&mut starts)
+        {
+            stretch(number, start, position[first as usize].distance(position[second as usize]));
+        }
+        for (nodes, start) in elimination.compounds.iter().zip(starts) {
+            stretch(nodes.element, start, combine(nodes, elements.weights(nodes.element), position).length());
+        }
+        let of_gases = |position: &dyn Fn(usize) -> DVec3| system.gases.energy(elimination, position);
+        gained += of_gases(&|node| position[node]) - of_gases(&|node| self.start[node].position);
+        new_kinetic + gained > kinetic + MAX_GAIN * kinetic.max(new_kinetic)
     }
 
     /// Writes the solution of the last stage back.
@@ -347,33 +381,5 @@ impl Stages {
 
 /// The element for a stage of `s` seconds that begins with the separation `start`, but with another `length`.
 fn staged_element(elements: &Elements, number: u32, start: DVec3, length: f64, s: f64) -> Linearised {
-    let direction = start.normalize_or(DVec3::X);
-    Linearised::new(elements.potential(number, direction * length.max(0.0), s), start)
-}
-
-/// Kinetic energy, and that of elements, gravity, the push of the air and applied forces, J.
-pub(super) fn energy(context: Context, particles: &Particles, motion: impl Fn(usize) -> Motion) -> [f64; 2] {
-    let Context { elimination, elements, field, .. } = context;
-    let (mut kinetic, mut potential) = (0.0, 0.0);
-    for (node, slot) in elimination.slots[..elimination.free].iter().enumerate() {
-        let (slot, Motion { position, velocity }) = (*slot as usize, motion(node));
-        let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-        kinetic += 0.5 * mass * velocity.length_squared();
-        potential -=
-            (mass * field.acceleration(slot) + particles.applied_force.get(slot).as_dvec3()).dot(position);
-    }
-    let mut stretch = |number: u32, separation: DVec3| {
-        let (rates, rest_length, tension_only) = elements.coefficients(number);
-        let elongation = separation.length() - rest_length;
-        let elongation = if tension_only { elongation.max(0.0) } else { elongation };
-        potential += 0.5 * f64::from(rates.stiffness) * elongation.powi(2);
-    };
-    for (&number, &[first, second]) in elimination.elements.iter().zip(&elimination.ends) {
-        stretch(number, motion(first as usize).position - motion(second as usize).position);
-    }
-    for nodes in &elimination.compounds {
-        let ends = nodes.ends().iter().zip(elements.weights(nodes.element));
-        stretch(nodes.element, ends.map(|(node, weight)| motion(*node as usize).position * weight).sum());
-    }
-    [kinetic, potential]
+    Linearised::new(elements.potential(number, length.max(0.0), s), start, start.length())
 }
