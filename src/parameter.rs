@@ -18,22 +18,26 @@ pub struct InvalidParameter {
     pub expected: &'static str,
 }
 
+#[inline]
 fn require(
     accepted: bool,
     field: &'static str,
     value: impl std::fmt::Debug,
     expected: &'static str,
 ) -> Result<(), InvalidParameter> {
-    if accepted {
-        return Ok(());
-    }
-    Err(InvalidParameter { field, value: format!("{value:?}"), expected })
+    if accepted { Ok(()) } else { Err(refused(field, value, expected)) }
+}
+
+#[cold]
+fn refused(field: &'static str, value: impl std::fmt::Debug, expected: &'static str) -> InvalidParameter {
+    InvalidParameter { field, value: format!("{value:?}"), expected }
 }
 
 /// Accepts finite numbers > 0.
 ///
 /// # Errors
 /// [`InvalidParameter`] naming `field` otherwise.
+#[inline]
 pub fn positive(field: &'static str, value: f32) -> Result<(), InvalidParameter> {
     require(value.is_finite() && value > 0.0, field, value, "a finite number > 0")
 }
@@ -42,6 +46,7 @@ pub fn positive(field: &'static str, value: f32) -> Result<(), InvalidParameter>
 ///
 /// # Errors
 /// [`InvalidParameter`] naming `field` otherwise.
+#[inline]
 pub fn non_negative(field: &'static str, value: f32) -> Result<(), InvalidParameter> {
     require(value.is_finite() && value >= 0.0, field, value, "a finite number >= 0")
 }

@@ -79,9 +79,49 @@ impl<T: Copy + Default> Buckets<T> {
     }
 }
 
+/// Sorts entries by a number; those with the same number keep their order. `spare` is working memory.
+///
+/// Where the numbers are spread far wider than there are entries, comparing takes less than counting.
+pub(super) fn sort_by_number<T: Copy>(entries: &mut Vec<T>, spare: &mut Vec<T>, number: impl Fn(&T) -> u32) {
+    if entries.is_sorted_by_key(&number) {
+        return;
+    }
+    let (least, most) = entries
+        .iter()
+        .fold((u32::MAX, 0), |(least, most), entry| (least.min(number(entry)), most.max(number(entry))));
+    let range = (most - least) as usize;
+    if range > 4 * entries.len() {
+        entries.sort_by_key(&number);
+        return;
+    }
+    let mut places = vec![0_u32; range + 1];
+    entries.iter().for_each(|entry| places[(number(entry) - least) as usize] += 1);
+    let mut next = 0;
+    for place in &mut places {
+        next += std::mem::replace(place, next);
+    }
+    spare.clone_from(entries);
+    for entry in &*spare {
+        let place = &mut places[(number(entry) - least) as usize];
+        entries[*place as usize] = *entry;
+        *place += 1;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sorting_by_a_number_keeps_the_order_of_equals() {
+        for spread in [1, 100_000] {
+            let mut entries: Vec<(u32, u32)> = (0..500).map(|at| (at * 7919 % 61 * spread + 5, at)).collect();
+            let mut expected = entries.clone();
+            expected.sort_unstable();
+            sort_by_number(&mut entries, &mut Vec::new(), |(number, _)| *number);
+            assert_eq!(entries, expected);
+        }
+    }
 
     #[test]
     fn entries_keep_their_order_in_each_bucket() {

@@ -189,12 +189,14 @@ impl CollisionMesh {
     /// The ends and lengths at rest, m, of the springs that belong to no net and act.
     pub fn loose_springs<'a>(&'a self, elements: &'a Elements) -> impl Iterator<Item = ([u32; 2], f32)> + 'a {
         let springs = elements.springs();
-        let mut owned = self.owned.iter().peekable();
-        let all = (0..).zip(springs.all_ends().iter().zip(springs.elements()));
-        all.filter_map(move |(number, (ends, spring)): (u32, _)| {
-            while owned.next_if(|range| range.end <= number).is_some() {}
-            let is_owned = owned.peek().is_some_and(|range| range.contains(&number));
-            (!is_owned && super::Element::acts(spring)).then(|| (*ends, spring.length_at_rest()))
+        // Between the ranges of the nets, which are in ascending order.
+        let starts = std::iter::once(0).chain(self.owned.iter().map(|range| range.end as usize));
+        let ends = self.owned.iter().map(|range| range.start as usize).chain([springs.len()]);
+        let gaps = starts.zip(ends).filter(|(start, end)| start < end);
+        gaps.flat_map(move |(start, end)| {
+            let all = springs.all_ends()[start..end].iter().zip(&springs.elements()[start..end]);
+            all.filter(|(_, spring)| super::Element::acts(*spring))
+                .map(|(ends, spring)| (*ends, spring.length_at_rest()))
         })
     }
 

@@ -122,6 +122,12 @@ macro_rules! define_elements {
                 let _ = first;
             }
 
+            /// Calls `visit` with the ends of each element that acts, kind by kind.
+            #[inline(always)]
+            pub(super) fn for_each_acting_ends(&self, mut visit: impl FnMut(&[u32])) {
+                $($(#[$meta])* self.$kind.for_each_acting(|_, ends, _| visit(ends));)*
+            }
+
             /// Calls `visit` with the ends of each element that is sorted and not anchored, see
             /// [`Table::sorted`].
             pub(super) fn for_each_sorted(&self, mut visit: impl FnMut(&[u32])) {

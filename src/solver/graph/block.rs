@@ -64,7 +64,7 @@ pub(in crate::solver) struct Block {
 }
 
 /// A spring of a block, in the order of sorting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
     pub tile: u32,
     pub owned: Owned,
@@ -74,7 +74,7 @@ pub(super) struct Entry {
 }
 
 /// Which ends of a spring a block owns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Owned {
     Both,
     Lower,
@@ -99,17 +99,23 @@ impl Block {
 
     /// Divides sorted entries into runs and loose springs.
     pub(super) fn fill_runs(&mut self, springs: &Table<Spring, 2>, entries: &[Entry]) {
-        let spring_of = |entry: &Entry| springs.elements()[entry.spring as usize];
+        let springs = springs.elements();
+        let spring_of = |entry: &Entry| &springs[entry.spring as usize];
         let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
         let consecutive = |one: &Entry, next: &Entry| {
-            (one.tile, one.owned, one.offset, one.lower + 1)
-                == (next.tile, next.owned, next.offset, next.lower)
+            one.lower + 1 == next.lower
+                && (one.tile, one.owned, one.offset) == (next.tile, next.owned, next.offset)
                 && spring_of(one).tension_only == spring_of(next).tension_only
         };
-        let groups = || entries.chunk_by(consecutive);
-        for group in groups().filter(|group| group.len() >= MIN_RUN) {
+        let mut short: Vec<&Entry> = Vec::new();
+        for group in entries.chunk_by(consecutive) {
+            if group.len() < MIN_RUN {
+                short.extend(group);
+                continue;
+            }
             let Entry { owned, offset, lower, .. } = group[0];
-            let is_uniform = group.iter().all(|entry| material(entry) == material(&group[0]));
+            let first = material(&group[0]);
+            let is_uniform = group.iter().all(|entry| material(entry) == first);
             self.runs.push(Run {
                 lower,
                 upper: lower + offset,
@@ -117,22 +123,19 @@ impl Block {
                 start: self.springs.len() as u32,
                 owned: [owned != Owned::Upper, owned != Owned::Lower],
                 tension_only: spring_of(&group[0]).tension_only,
-                material: is_uniform.then(|| material(&group[0])),
+                material: is_uniform.then_some(first),
             });
-            for entry in group {
-                let Spring { stiffness, damping, .. } = spring_of(entry);
-                self.rest_length.push(spring_of(entry).length_at_rest());
-                self.stiffness.push(stiffness);
-                self.damping.push(damping);
-                self.springs.push(entry.spring);
-            }
+            self.rest_length.extend(group.iter().map(|entry| spring_of(entry).length_at_rest()));
+            self.stiffness.extend(group.iter().map(|entry| spring_of(entry).stiffness));
+            self.damping.extend(group.iter().map(|entry| spring_of(entry).damping));
+            self.springs.extend(group.iter().map(|entry| entry.spring));
         }
-        for entry in groups().filter(|group| group.len() < MIN_RUN).flatten() {
+        for entry in short {
             let Entry { owned, offset, lower, spring, .. } = *entry;
             self.loose.springs.push(Loose {
                 ends: [lower, lower + offset],
                 owned: [owned != Owned::Upper, owned != Owned::Lower],
-                element: spring_of(entry),
+                element: *spring_of(entry),
             });
             self.springs.push(spring);
         }

@@ -17,6 +17,7 @@ use super::bend_blocks::BendPlaces;
 use super::block::{Block, Entry, Loose, Owned};
 use super::layout::Layout;
 use super::loose_blocks::LoosePlaces;
+use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{Element, Elements, Spring, Table};
 use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
@@ -227,7 +228,13 @@ impl Blocks {
                 add(blocks[1], upper, Owned::Upper);
             }
         }
-        entries.iter_mut().for_each(|entries| entries.sort_unstable());
+        let mut spare = Vec::new();
+        for entries in &mut entries {
+            // They are in the order of the springs: the last key.
+            sort_by_number(entries, &mut spare, |entry| entry.lower);
+            sort_by_number(entries, &mut spare, |entry| entry.offset);
+            sort_by_number(entries, &mut spare, |entry| 3 * entry.tile + entry.owned as u32);
+        }
         entries
     }
 

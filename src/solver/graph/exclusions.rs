@@ -1,7 +1,7 @@
 //! What contacts need of the springs: which pairs do not collide, and which particles have springs.
 
 use crate::solver::buckets::Buckets;
-use crate::solver::elements::{Acting, Elements};
+use crate::solver::elements::Elements;
 use crate::solver::particles::Particles;
 
 /// Rest lengths are often measured from positions, and radii chosen to fit them. By this part a rest length may
@@ -16,7 +16,7 @@ pub(in crate::solver) fn overlap_at_rest(rest_length: f64, reach: f32) -> bool {
 /// The pinned slots that any element pulls at, in order.
 pub(in crate::solver) fn sprung_pinned(elements: &Elements, particles: &Particles) -> Vec<u32> {
     let mut slots = Vec::new();
-    elements.for_each_acting(|Acting { ends, .. }| {
+    elements.for_each_acting_ends(|ends| {
         slots.extend(ends.iter().filter(|end| particles.is_pinned(**end as usize)));
     });
     slots.sort_unstable();
@@ -38,40 +38,42 @@ pub(in crate::solver) struct Exclusions {
     families: Vec<u32>,
     /// Whether each particle is no sphere of its own; empty if all are.
     covered: Vec<bool>,
+    /// Working memory: the ends of the springs that join what overlaps at rest.
+    overlapping: Vec<[u32; 2]>,
 }
 
 impl Exclusions {
     /// Derives them from all springs; `covered` particles are no spheres of their own.
     pub fn rebuild(&mut self, particles: &Particles, elements: &Elements, is_covered: &[bool]) {
         let radius = particles.radius();
-        let Self { excluded, sprung, continues, families, covered } = self;
+        let Self { excluded, sprung, continues, families, covered, overlapping } = self;
         covered.clear();
         covered.extend_from_slice(is_covered);
         families.clear();
         families.extend_from_slice(particles.families());
         sprung.clear();
         sprung.resize(particles.len(), false);
-        elements.for_each_acting(|Acting { ends, .. }| {
+        elements.for_each_acting_ends(|ends| {
             ends.iter().for_each(|end| sprung[*end as usize] = true);
         });
-        let springs = elements.springs();
-        let pairs = springs.all_ends().iter().zip(springs.elements());
         continues.clear();
         continues.resize(particles.len(), false);
-        for (&[first, second], spring) in pairs.clone() {
+        overlapping.clear();
+        let springs = elements.springs();
+        for (&[first, second], spring) in springs.all_ends().iter().zip(springs.elements()) {
             let is_sphere = is_covered.get(first as usize) != Some(&true);
             if spring.stiffness > 0.0 && first.abs_diff(second) == 1 && is_sphere {
                 continues[first.max(second) as usize] = true;
             }
+            let reach = radius[first as usize] + radius[second as usize];
+            let acts = spring.stiffness > 0.0 || spring.damping > 0.0;
+            // Of points none is within reach: no rest length is negative.
+            if reach > 0.0 && acts && overlap_at_rest(f64::from(spring.length_at_rest()), reach) {
+                overlapping.push([first.min(second), first.max(second)]);
+            }
         }
         excluded.fill(particles.len(), |add| {
-            for (&[first, second], spring) in pairs.clone() {
-                let reach = radius[first as usize] + radius[second as usize];
-                let acts = spring.stiffness > 0.0 || spring.damping > 0.0;
-                if acts && overlap_at_rest(f64::from(spring.length_at_rest()), reach) {
-                    add(first.min(second) as usize, first.max(second));
-                }
-            }
+            overlapping.iter().for_each(|[lower, higher]| add(*lower as usize, *higher));
         });
     }
 

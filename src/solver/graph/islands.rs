@@ -45,21 +45,32 @@ impl Islands {
         self.key = key;
         let mut forest = Forest::new(particles.len());
         let mut joined = vec![false; particles.len()];
+        // Of each slot how many elements have their first free end there.
+        let mut counts = vec![0_u32; particles.len()];
         let (mut closing, mut bent) = (Vec::new(), Vec::new());
-        elements.for_each_acting(|Acting { ends, .. }| {
+        elements.for_each_acting_ends(|ends| {
+            if let [first, second] = *ends {
+                let [first, second] = [first as usize, second as usize];
+                let (is_first_free, is_second_free) =
+                    (!particles.is_pinned(first), !particles.is_pinned(second));
+                joined[first] |= is_first_free;
+                joined[second] |= is_second_free;
+                counts[if is_first_free { first } else { second }] +=
+                    u32::from(is_first_free || is_second_free);
+                if is_first_free && is_second_free && !forest.join(first, second) {
+                    closing.push(first);
+                }
+                return;
+            }
             let mut free = ends.iter().map(|end| *end as usize).filter(|end| !particles.is_pinned(*end));
             let Some(first) = free.next() else { return };
             joined[first] = true;
-            let mut closes = false;
+            counts[first] += 1;
             for end in free {
                 joined[end] = true;
-                closes |= !forest.join(first, end);
+                forest.join(first, end);
             }
-            match ends.len() > 2 {
-                true => bent.push(first),
-                false if closes => closing.push(first),
-                false => {}
-            }
+            bent.push(first);
         });
         for (_, enclosure) in elements.gases().acting() {
             let mut free = free_slots(enclosure, particles);
@@ -74,10 +85,9 @@ impl Islands {
         self.number(&mut forest, &joined, particles);
         closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
         self.reduce(&bent, elements, particles);
-        elements.for_each_acting(|Acting { ends, .. }| {
-            let free = ends.iter().map(|end| *end as usize).find(|end| !particles.is_pinned(*end));
-            free.into_iter().for_each(|slot| self.island_mut(slot).elements += 1);
-        });
+        for (slot, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
+            self.island_mut(slot).elements += count as usize;
+        }
         true
     }
 
@@ -230,7 +240,11 @@ impl Forest {
     }
 
     /// Unites the sets of two particles; returns whether they were different ones.
+    #[inline]
     pub fn join(&mut self, first: usize, second: usize) -> bool {
+        if self.0[first] == self.0[second] {
+            return false;
+        }
         let (first, second) = (self.root(first), self.root(second));
         self.0[first] = second as u32;
         first != second

@@ -30,9 +30,6 @@ struct Span {
     slots: Range<usize>,
     /// Particles of each block.
     block: usize,
-    elements: usize,
-    /// Elements between its blocks.
-    cut: usize,
 }
 
 impl Layout {
@@ -44,7 +41,7 @@ impl Layout {
         let mut extents = Vec::with_capacity(elements.len());
         elements.for_each_sorted(|ends| {
             let (lower, upper) = (ends.iter().min(), ends.iter().max());
-            extents.extend(lower.zip(upper).map(|(lower, upper)| [*lower as usize, *upper as usize]));
+            extents.extend(lower.zip(upper).map(|(lower, upper)| [*lower, *upper]));
         });
         let mut spans = spans(&extents, particles);
         let mut tiles = vec![0; particles];
@@ -55,7 +52,7 @@ impl Layout {
                 next_tile += 1;
             }
         }
-        choose_blocks(&extents, &mut spans, particles);
+        choose_blocks(&extents, &mut spans);
         Self { ranges: ranges(&spans), tiles }
     }
 
@@ -76,16 +73,16 @@ impl Layout {
 }
 
 /// The pieces, from the lowest and the highest slot of each element.
-fn spans(extents: &[[usize; 2]], particles: usize) -> Vec<Span> {
-    let mut reach: Vec<usize> = (0..particles).collect();
+fn spans(extents: &[[u32; 2]], particles: usize) -> Vec<Span> {
+    let mut reach: Vec<u32> = (0..particles as u32).collect();
     for &[lower, upper] in extents {
-        reach[lower] = reach[lower].max(upper);
+        reach[lower as usize] = reach[lower as usize].max(upper);
     }
     let (mut spans, mut start, mut furthest) = (Vec::new(), 0, 0);
     for (slot, reach) in reach.into_iter().enumerate() {
         furthest = furthest.max(reach);
-        if furthest == slot {
-            spans.push(Span { slots: start..slot + 1, block: MIN_BLOCK, elements: 0, cut: 0 });
+        if furthest as usize == slot {
+            spans.push(Span { slots: start..slot + 1, block: MIN_BLOCK });
             start = slot + 1;
         }
     }
@@ -94,26 +91,33 @@ fn spans(extents: &[[usize; 2]], particles: usize) -> Vec<Span> {
 
 /// Chooses for each span the smallest power of two particles a block that cuts few of its elements. It depends on
 /// the elements alone, never on the number of threads.
-fn choose_blocks(extents: &[[usize; 2]], spans: &mut [Span], particles: usize) {
-    let mut span_of = vec![0_u32; particles];
-    for (number, span) in (0..).zip(&*spans) {
-        span_of[span.slots.clone()].fill(number);
-    }
-    let mut is_settled = false;
-    while !is_settled {
-        spans.iter_mut().for_each(|span| (span.elements, span.cut) = (0, 0));
-        for &[lower, upper] in extents {
-            let span = &mut spans[span_of[lower] as usize];
-            let [lower, upper] = [lower, upper].map(|slot| (slot - span.slots.start) / span.block);
-            span.elements += 1;
-            span.cut += usize::from(lower != upper);
+fn choose_blocks(extents: &[[u32; 2]], spans: &mut [Span]) {
+    let large = || spans.iter().enumerate().filter(|(_, span)| span.slots.len() > MIN_BLOCK);
+    // The large spans in their order, and of each the number of elements that blocks of 2ⁿ particles would cut.
+    let ends: Vec<u32> = large().map(|(_, span)| span.slots.end as u32).collect();
+    let starts: Vec<u32> = large().map(|(_, span)| span.slots.start as u32).collect();
+    let numbers: Vec<usize> = large().map(|(number, _)| number).collect();
+    let mut elements = vec![0_usize; numbers.len()];
+    let mut cut = vec![[0_usize; u32::BITS as usize + 1]; numbers.len()];
+    let mut place = 0;
+    for &[lower, upper] in extents {
+        if !(ends.get(place).is_some_and(|end| lower < *end) && starts[place] <= lower) {
+            place = ends.partition_point(|end| *end <= lower);
         }
-        is_settled = true;
-        for span in &mut *spans {
-            if span.cut as f32 > MAX_CUT * span.elements as f32 && span.block < span.slots.len() {
-                span.block *= 2;
-                is_settled = false;
-            }
+        let Some(start) = starts.get(place).filter(|start| **start <= lower) else { continue };
+        elements[place] += 1;
+        // The highest place in which the two numbers differ: smaller blocks divide them.
+        let differing = (lower - start) ^ (upper - start);
+        cut[place][(u32::BITS - differing.leading_zeros()) as usize] += 1;
+    }
+    for ((number, elements), cut) in numbers.into_iter().zip(elements).zip(cut) {
+        let span = &mut spans[number];
+        let is_cut = |block: usize| {
+            let cut: usize = cut[block.trailing_zeros() as usize + 1..].iter().sum();
+            cut as f32 > MAX_CUT * elements as f32
+        };
+        while is_cut(span.block) && span.block < span.slots.len() {
+            span.block *= 2;
         }
     }
 }

@@ -130,8 +130,12 @@ pub(in crate::sync) fn gather_nets(
 ) {
     let MassSpringState { nets: registry, solver, is_outdated, .. } = state;
     for (entry, known) in registry.entries.iter_mut().zip(&mut gathered.known) {
+        let placed = entry.placed.take();
         let Some(place) = &entry.place else { continue };
         let Ok((net, ..)) = nets.get(entry.entity) else { continue };
+        if let (Some((parameters, pins)), None) = (placed, known.parameters) {
+            (known.parameters, known.pins) = (Some(parameters), pins);
+        }
         let mut gathering = Gathering {
             entity: entry.entity,
             net: &net,

@@ -98,11 +98,14 @@ impl Assignment<'_, '_, '_, '_, '_> {
             nets.entries.sort_by_key(order_of);
         }
         let take = |net: &mut RegisteredNet| net.place.take().filter(|_| !net.is_new);
-        let places = nets.entries.iter_mut().map(take).collect();
+        let places: Vec<Option<NetPlace>> = nets.entries.iter_mut().map(take).collect();
         nets.quarantined = 0;
         nets.is_pending = true;
         let solver = &self.state.solver;
-        Past { positions: solver.particles.position.clone(), springs: solver.past_springs(), places }
+        // Of nets that are gone nothing need be known.
+        let is_known = !self.state.springs.entries.is_empty() || places.iter().any(Option::is_some);
+        let springs = if is_known { solver.past_springs() } else { Vec::new() };
+        Past { positions: solver.particles.position.clone(), springs, places }
     }
 
     /// Empties the places of the nets that were removed or replaced, or whose elements are others. Returns what is known
@@ -214,8 +217,8 @@ impl Assignment<'_, '_, '_, '_, '_> {
             let position = last.unwrap_or(*position - state.solver.origin);
             particles.push((position, *velocity, 1.0 / mass));
         }
-        let held = net.pinned().iter().chain(&net.part_actions().held);
-        held.for_each(|particle| particles[*particle as usize].2 = 0.0);
+        let mut pins = [net.pinned(), &net.part_actions().held].concat();
+        pins.iter().for_each(|particle| particles[*particle as usize].2 = 0.0);
         let ranges = state.solver.add_net(particles.into_iter(), topology.radius, elements(&topology));
         debug_assert_eq!((first, fresh.len()), (ranges.particles.start, ranges.particles.start));
         fresh.extend((0..net.len()).map(|particle| particle >= known));
@@ -243,6 +246,10 @@ impl Assignment<'_, '_, '_, '_, '_> {
             state.solver.remove_spring(place.ranges.springs.start + *spring as usize);
         }
         state.nets.quarantined += place.quarantined.len();
+        pins.sort_unstable();
+        pins.dedup();
+        pins.retain(|particle| place.quarantined.binary_search(particle).is_err());
+        entry.placed = Some((net.versions().parameters, pins));
         entry.place = Some(place);
     }
 }

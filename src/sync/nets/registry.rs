@@ -38,6 +38,10 @@ pub(in crate::sync) struct RegisteredNet {
     pub is_removed: bool,
     /// Where the entity was at the end of the last tick, if particles are pinned: these move with it.
     pub frame: Option<[f32; 12]>,
+    /// What it was placed with in this tick, before its arrays are copied: the version of its parameters, and its pins in
+    /// ascending order.
+    #[cfg_attr(feature = "serialize", serde(skip))]
+    pub placed: Option<(u64, Vec<u32>)>,
 }
 
 /// Where a net is in the solver.
@@ -121,6 +125,7 @@ impl RegisteredNet {
             is_recorded: false,
             is_removed: false,
             frame: None,
+            placed: None,
         }
     }
 }

@@ -102,28 +102,36 @@ fn copy_motion(particles: &Particles, place: &NetPlace, view: View, net: &mut Pa
     let [x, y, z] = particles.position.axes();
     let [u, v, w] = particles.velocity.axes();
     let inverse_masses = particles.own_inverse_mass();
-    let mut copy = |slot: usize, position: &mut Vec3, velocity: &mut Vec3| {
-        let (at, speed) = (Vec3::new(x[slot], y[slot], z[slot]), Vec3::new(u[slot], v[slot], w[slot]));
-        // Zero times a finite number is zero.
-        let is_good = (at + speed).element_sum() * 0.0 == 0.0 || (at.is_finite() && speed.is_finite());
-        is_finite &= is_good;
-        // What is pinned is where it was put, and what was taken out where it was, to the bit.
-        let is_moved = is_good && (inverse_masses[slot] != 0.0 || !position.is_finite());
-        let place = if is_moved { view.to_world(at, *position) } else { *position };
-        let speed = if is_good { speed } else { Vec3::ZERO };
-        has_changed |= place != *position || speed != *velocity;
-        *position = place;
-        *velocity = speed;
-    };
+    let mut copy =
+        |(at, speed): (Vec3, Vec3), inverse_mass: f32, position: &mut Vec3, velocity: &mut Vec3| {
+            // Zero times a finite number is zero.
+            let is_good = (at + speed).element_sum() * 0.0 == 0.0 || (at.is_finite() && speed.is_finite());
+            is_finite &= is_good;
+            // What is pinned is where it was put, and what was taken out where it was, to the bit.
+            let is_moved = is_good && (inverse_mass != 0.0 || !position.is_finite());
+            let place = if is_moved { view.to_world(at, *position) } else { *position };
+            let speed = if is_good { speed } else { Vec3::ZERO };
+            has_changed = has_changed || place != *position || speed != *velocity;
+            *position = place;
+            *velocity = speed;
+        };
     match place.first() {
         Some(first) => {
-            for (slot, (position, velocity)) in (first..).zip(positions.iter_mut().zip(velocities)) {
-                copy(slot, position, velocity);
+            // Slices of one length: an index is checked for all of them at once.
+            let count = positions.len().min(velocities.len());
+            let (x, y, z) = (&x[first..][..count], &y[first..][..count], &z[first..][..count]);
+            let (u, v, w) = (&u[first..][..count], &v[first..][..count], &w[first..][..count]);
+            let inverse_masses = &inverse_masses[first..][..count];
+            let (positions, velocities) = (&mut positions[..count], &mut velocities[..count]);
+            for at in 0..count {
+                let motion = (Vec3::new(x[at], y[at], z[at]), Vec3::new(u[at], v[at], w[at]));
+                copy(motion, inverse_masses[at], &mut positions[at], &mut velocities[at]);
             }
         }
         None => {
-            for (slot, (position, velocity)) in place.slots().zip(positions.iter_mut().zip(velocities)) {
-                copy(slot, position, velocity);
+            for (at, (position, velocity)) in place.slots().zip(positions.iter_mut().zip(velocities)) {
+                let motion = (Vec3::new(x[at], y[at], z[at]), Vec3::new(u[at], v[at], w[at]));
+                copy(motion, inverse_masses[at], position, velocity);
             }
         }
     }

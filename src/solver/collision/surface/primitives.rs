@@ -4,6 +4,7 @@ use bevy::math::Vec3;
 
 use super::near::Near;
 use super::tree::{Forest, Item};
+use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
@@ -119,10 +120,12 @@ impl Primitives {
 
     /// Finds the paths along the mesh that are short.
     fn measure_ways(&mut self, mesh: &CollisionMesh, elements: &Elements, radius: &[f32]) {
-        let edges =
-            mesh.present_edges(elements, self.with_springs).filter(|(ends, _)| is_thick(ends, radius));
         self.links.clear();
-        self.links.extend(edges.chain(self.springs.iter().copied()));
+        if self.any {
+            let edges = mesh.present_edges(elements, self.with_springs);
+            self.links.extend(edges.filter(|(ends, _)| is_thick(ends, radius)));
+        }
+        self.links.extend_from_slice(&self.springs);
         self.links.extend(mesh.present_seams().map(|ends| (ends, 0.0)));
         self.near.rebuild(&self.links, radius, &self.on_mesh);
         let Self { sizes, links, longest, forest, .. } = self;
@@ -164,7 +167,10 @@ fn items(edges: impl Iterator<Item = [u32; 2]>, triangles: &[[u32; 3]], count: u
         let [a, b, c] = *corners;
         sides.extend([[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], number)));
     }
-    sides.sort_unstable();
+    // They are in the order of the triangles: the last key.
+    let mut spare = Vec::new();
+    sort_by_number(&mut sides, &mut spare, |([_, b], _)| *b);
+    sort_by_number(&mut sides, &mut spare, |([a, _], _)| *a);
     let first_with = |side: [u32; 2]| sides.partition_point(|(other, _)| *other < side);
     let edges = marked_edges(edges, count, |side| {
         sides.get(first_with(side)).is_some_and(|(other, _)| *other == side)
@@ -199,7 +205,9 @@ fn marked_edges(
     is_of_face: impl Fn([u32; 2]) -> bool,
 ) -> Vec<Primitive> {
     let mut edges: Vec<[u32; 2]> = edges.map(|[a, b]| [a.min(b), a.max(b)]).collect();
-    edges.sort_unstable();
+    let mut spare = Vec::new();
+    sort_by_number(&mut edges, &mut spare, |[_, b]| *b);
+    sort_by_number(&mut edges, &mut spare, |[a, _]| *a);
     edges.dedup();
     let mut seen = vec![false; count];
     let mut first_at = |slot: u32| u8::from(!std::mem::replace(&mut seen[slot as usize], true));

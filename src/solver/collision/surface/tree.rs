@@ -127,6 +127,9 @@ impl Forest {
     /// Builds the trees of the bodies that `items` make up.
     pub fn build(&mut self, items: Vec<Item>, slots: usize) {
         *self = Self::default();
+        if items.is_empty() {
+            return;
+        }
         let body_of = connect(&items, slots);
         let place = embed(&items, &body_of);
         let mut keyed: Vec<(u32, Vec3A, Item)> = items
