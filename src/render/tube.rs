@@ -203,8 +203,7 @@ impl Tube {
         for (strand, start) in self.strands.iter().zip(&self.starts) {
             centres(strand, places, self.profile.rings, points);
             let last = points.len() - 1;
-            axes.clear();
-            axes.extend((0..=last).map(|ring| axis_at(points, ring, strand.is_closed)));
+            directions(points, strand.is_closed, axes);
             match facing {
                 Some(facing) => face(facing, axes, normals),
                 None => roll(strand, start, points, axes, normals),
@@ -275,8 +274,13 @@ pub(super) fn roll(
     normals.clear();
     normals.push(normal);
     for ring in 1..centres.len() {
-        normal = transport(normal, axes[ring - 1], axes[ring], centres[ring] - centres[ring - 1]);
-        normals.push(normal);
+        normal = reflect_twice(normal, axes[ring - 1], axes[ring], centres[ring] - centres[ring - 1]);
+        let exact = orthonormal(normal, axes[ring]);
+        normals.push(exact);
+        // Reflections keep lengths and angles but for roundings, so that the next one need not wait for this.
+        if ring % RINGS_UNTIL_EXACT == 0 {
+            normal = exact;
+        }
     }
     if strand.is_closed {
         close(normals, axes);
@@ -295,48 +299,51 @@ fn close(normals: &mut [Vec3A], axes: &[Vec3A]) {
     normals[last] = normals[0];
 }
 
+/// The number of frames after which roundings are removed: each adds a part in 10⁶, as much as is taken for no change.
+const RINGS_UNTIL_EXACT: usize = 16;
+
 /// The next normal by double reflection: at the plane between the two centres, then at the one that takes the axis on.
 pub(super) fn transport(normal: Vec3A, before: Vec3A, here: Vec3A, step: Vec3A) -> Vec3A {
+    orthonormal(reflect_twice(normal, before, here, step), here)
+}
+
+/// The same, not made orthonormal anew. What does not depend on the normal is computed first.
+#[inline]
+fn reflect_twice(normal: Vec3A, before: Vec3A, here: Vec3A, step: Vec3A) -> Vec3A {
     let square = step.length_squared();
-    let (reflected, axis) = match square > 0.0 {
-        true => {
-            let reflect = |vector: Vec3A| vector - step * (2.0 * step.dot(vector) / square);
-            (reflect(normal), reflect(before))
-        }
-        false => (normal, before),
-    };
-    let change = here - axis;
+    let scaled = if square > f32::MIN_POSITIVE { step * (2.0 / square) } else { Vec3A::ZERO };
+    let reflect = |vector: Vec3A| vector - scaled * step.dot(vector);
+    let change = here - reflect(before);
     let square = change.length_squared();
-    let turned = match square > 1e-12 {
-        true => reflected - change * (2.0 * change.dot(reflected) / square),
-        false => reflected,
-    };
-    orthonormal(turned, here)
+    let scaled_change = if square > 1e-12 { change * (2.0 / square) } else { Vec3A::ZERO };
+    let reflected = reflect(normal);
+    reflected - scaled_change * change.dot(reflected)
 }
 
 pub(super) fn orthonormal(normal: Vec3A, axis: Vec3A) -> Vec3A {
     (normal - axis * axis.dot(normal)).try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector())
 }
 
-/// The direction of the strand at a centre: half-way between the two links there.
-pub(super) fn axis_at(centres: &[Vec3A], ring: usize, is_closed: bool) -> Vec3A {
+/// The direction of the strand at each centre: half-way between the two links there.
+pub(super) fn directions(centres: &[Vec3A], is_closed: bool, axes: &mut Vec<Vec3A>) {
     let last = centres.len() - 1;
-    let direction = |from: usize| (centres[from + 1] - centres[from]).normalize_or_zero();
-    let before = match ring {
-        0 if is_closed => direction(last - 1),
-        0 => Vec3A::ZERO,
-        _ => direction(ring - 1),
-    };
-    let after = match ring == last {
-        true if is_closed => direction(0),
-        true => Vec3A::ZERO,
-        false => direction(ring),
-    };
-    (before + after)
-        .try_normalize()
-        .or(after.try_normalize())
-        .or(before.try_normalize())
-        .unwrap_or(Vec3A::NEG_Y)
+    let link = |from: usize| (centres[from + 1] - centres[from]).normalize_or_zero();
+    let first = link(0);
+    let mut before = if is_closed { link(last - 1) } else { Vec3A::ZERO };
+    axes.clear();
+    for ring in 0..=last {
+        let after = match ring == last {
+            true if is_closed => first,
+            true => Vec3A::ZERO,
+            false => link(ring),
+        };
+        let direction = (before + after)
+            .try_normalize()
+            .or_else(|| after.try_normalize())
+            .or_else(|| before.try_normalize());
+        axes.push(direction.unwrap_or(Vec3A::NEG_Y));
+        before = after;
+    }
 }
 
 /// The centres of the cross-sections: the particles, and between them those of a Catmull–Rom spline.

@@ -7,7 +7,7 @@ use bevy::math::Vec3A;
 
 use super::Entry;
 use crate::render::surface::Scratch;
-use crate::render::tube::{Section, Tube, axis_at, centres, roll};
+use crate::render::tube::{Section, Tube, centres, directions, roll};
 
 /// The number of entries before the first and after the last particle of a strand.
 pub(super) const MARGIN: usize = 2;
@@ -27,8 +27,7 @@ impl Tube {
         for (strand, start) in self.strands.iter().zip(&self.starts) {
             centres(strand, places, 1, points);
             let last = points.len() - 1;
-            axes.clear();
-            axes.extend((0..=last).map(|particle| axis_at(points, particle, strand.is_closed)));
+            directions(points, strand.is_closed, axes);
             roll(strand, start, points, axes, normals);
             let mut push = |place: Vec3A, normal: Vec3A| {
                 let ([x, y, z], [u, v, w]) = (place.to_array(), normal.to_array());

@@ -270,7 +270,11 @@ fn publish(
     }
     // As with meshes: what the tracked way queues would be announced in the next frame.
     if is_changed && let Some(asset) = buffers.get_mut_untracked(&*buffer) {
-        asset.data = Some(bytes.clone());
+        // The renderer takes it; where there is none, it stays.
+        match &mut asset.data {
+            Some(data) => data.clone_from(bytes),
+            None => asset.data = Some(bytes.clone()),
+        }
         changes.write(AssetEvent::Modified { id: buffer.id() });
     }
 }
