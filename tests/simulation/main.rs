@@ -63,6 +63,7 @@ mod squeezed;
 mod stage;
 mod stiff_contacts;
 mod strain_limit;
+mod streaming;
 mod surfaces;
 mod sweeps;
 mod tears;
