@@ -5,5 +5,6 @@ mod recipes;
 mod ropes;
 mod scene;
 mod surfaces;
+mod tearing;
 mod tears;
 mod upkeep;
