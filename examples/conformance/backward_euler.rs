@@ -1,4 +1,5 @@
-//! One step of backward Euler in f64, to the last digits: what an implicit scheme is to find.
+//! One step of backward Euler in f64, to the last digits: what an implicit scheme is to find; and the equation of
+//! any other implicit stage, which differs from it in its start only.
 //!
 //! Newton's method on the potential Σ ½ m/h² ‖x' − y‖² + Σ ½ k (l(x') − l0)² with y = x + h v + h² g, by
 //! conjugate gradients that stop where the curvature is negative, and a line search. No damping.
@@ -13,7 +14,13 @@ const MAX_STEPS: usize = 200;
 
 /// Where `net` is after one step of `h` seconds; the uncertainty is the last Newton step.
 pub fn step(net: &Net, h: f64) -> Reference {
-    let problem = Problem::of(net, h);
+    let start = |slot: usize| net.position[slot] + h * net.velocity[slot];
+    stage(net, &(0..net.position.len()).map(start).collect::<Vec<_>>(), h)
+}
+
+/// The solution of x' = `start` + h² a(x'); pinned particles stay where `net` has them.
+pub fn stage(net: &Net, start: &[DVec3], h: f64) -> Reference {
+    let problem = Problem::of(net, start, h);
     let mut x: Vec<DVec3> = problem.flight.clone();
     let (mut uncertainty, mut steps) = (f64::INFINITY, 0);
     // 1e-10 m: what rounding leaves of a metre after a solution of condition 1e4.
@@ -54,10 +61,10 @@ struct Hessian<'a> {
 }
 
 impl<'a> Problem<'a> {
-    fn of(net: &'a Net, h: f64) -> Self {
+    fn of(net: &'a Net, start: &[DVec3], h: f64) -> Self {
         let fly = |slot: usize| match net.inverse_mass[slot] {
             0.0 => net.position[slot],
-            _ => net.position[slot] + h * (net.velocity[slot] + h * GRAVITY * DVec3::NEG_Y),
+            _ => start[slot] + h * h * GRAVITY * DVec3::NEG_Y,
         };
         let inertia = |inverse: &f64| if *inverse == 0.0 { 0.0 } else { 1.0 / (inverse * h * h) };
         Self {

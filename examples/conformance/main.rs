@@ -15,11 +15,15 @@ mod document;
 mod energy_drift;
 mod findings;
 mod heavy_chain;
+mod lattice;
 mod machine;
+mod mixed_stiffness;
 mod net;
 mod orders;
 mod plot;
 mod reference;
+mod second_order;
+mod second_order_f64;
 mod sheet;
 mod simulation;
 mod stiff_contacts;
@@ -52,11 +56,13 @@ impl Lab {
 
 type Experiment = fn(&mut Lab) -> Result<Section, Box<dyn Error>>;
 
-const EXPERIMENTS: [(&str, Experiment); 10] = [
+const EXPERIMENTS: [(&str, Experiment); 12] = [
     ("orders", orders::run),
     ("energy", energy_drift::run),
     ("stiff-energy", stiff_energy::run),
+    ("second-order", second_order::run),
     ("stiff-contacts", stiff_contacts::run),
+    ("mixed-stiffness", mixed_stiffness::run),
     ("sweep", sweep::run),
     ("chain", chains::run),
     ("heavy-chain", heavy_chain::run),

@@ -1,10 +1,13 @@
 //! Nets of particles and springs, from which both the solver's state and the f64 reference are made.
 
 use bevy::math::{DVec3, Vec3};
-use bevy_mass_spring::solver::{FrequencyBounds, Solver, Spring};
+use bevy_mass_spring::solver::{Collider, FrequencyBounds, Solver, Spring};
 
 /// m/s², as the solver has it.
 pub const GRAVITY: f64 = 9.81_f32 as f64;
+
+/// The radius of a ball on the ground, which so is far below all others; m.
+const BALL: f32 = 2.0;
 
 /// A damped spring.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +36,8 @@ pub struct Net {
     pub links: Vec<Link>,
     /// Of the medium, N·s/m
     pub viscosity: f64,
+    /// A ball of [`BALL`] that slides on level, frictionless ground; all others are points.
+    pub on_ground: Option<usize>,
 }
 
 impl Net {
@@ -79,6 +84,29 @@ impl Net {
         net
     }
 
+    /// Adds a rope of `links` undamped springs, each as long as `link` and along it, from `top`: a particle that exists, or a new,
+    /// pinned one at this place.
+    pub fn add_rope(
+        &mut self,
+        end: Option<usize>,
+        top: DVec3,
+        link: DVec3,
+        links: usize,
+        mass: f64,
+        stiffness: f64,
+    ) {
+        let mut last = end.unwrap_or_else(|| {
+            self.add_particle(top, f64::INFINITY);
+            self.position.len() - 1
+        });
+        for number in 1..=links {
+            self.add_particle(top + link * number as f64, mass);
+            let next = self.position.len() - 1;
+            self.add_link([last, next], link.length(), stiffness, 0.0);
+            last = next;
+        }
+    }
+
     fn add_particle(&mut self, position: DVec3, mass: f64) {
         self.position.push(position.as_vec3().as_dvec3());
         self.velocity.push(DVec3::ZERO);
@@ -108,13 +136,18 @@ impl Net {
         let mut solver = Solver::default();
         for slot in 0..self.position.len() {
             let (position, velocity) = (self.position[slot].as_vec3(), self.velocity[slot].as_vec3());
-            solver.add_particle(position, velocity, self.mass[slot], 0.0).expect("masses are > 0");
+            let radius = if self.on_ground == Some(slot) { BALL } else { 0.0 };
+            solver.add_particle(position, velocity, self.mass[slot], radius).expect("masses are > 0");
         }
         for link in &self.links {
             let [rest_length, stiffness, damping] =
                 [link.rest_length, link.stiffness, link.damping].map(|value| value as f32);
             let spring = Spring { rest_length, stiffness, damping, ..Spring::default() };
             solver.add_spring(link.ends, spring).expect("links join different particles");
+        }
+        if let Some(slot) = self.on_ground {
+            let ground = Vec3::Y * (self.position[slot].as_vec3() - BALL);
+            solver.add_collider(Collider::half_space(ground, Vec3::Y, 0.0, 0.0));
         }
         solver
     }

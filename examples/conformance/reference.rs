@@ -87,4 +87,8 @@ fn accelerations(net: &Net, x: &[DVec3], v: &[DVec3], a: &mut [DVec3]) {
             inverse => (*a - net.viscosity * *v) * inverse + GRAVITY * DVec3::NEG_Y,
         };
     }
+    if let Some(slot) = net.on_ground {
+        assert!(a[slot].y < 0.0, "what slides on the ground is lifted off it");
+        a[slot].y = 0.0;
+    }
 }
