@@ -293,3 +293,42 @@ fn a_net_that_is_despawned_is_released() {
     desk.run(2);
     assert_eq!(desk.drag(), ParticleDrag::default());
 }
+
+/// On its layer, in front of what is behind it, and within that layer it stays.
+#[test]
+fn in_two_dimensions_what_is_pulled_stays_on_its_layer() {
+    let mut desk = Desk::new();
+    desk.app.insert_resource(Dimensions::Two);
+    desk.app.world_mut().resource_mut::<Environment>().viscosity = 0.02;
+    let layers = [0.75, -0.5];
+    let nets = layers.map(|layer| {
+        let frame = Transform::from_xyz(0.0, 0.0, layer);
+        desk.app.world_mut().spawn(ParticleNet::new(rope().into(), &frame)).id()
+    });
+    desk.run(2);
+    let balls = layers.map(|layer| common::spawn(&mut desk.app, 1.0, 0.1, Vec3::new(0.0, -1.0, layer)));
+    desk.run(2);
+    // Both ropes and both balls lie on a ray through the middle of the picture, or nearly so.
+    desk.point_at(Vec3::new(0.0, 0.0, 0.0));
+    assert_eq!(desk.hovered(), (Some(nets[0]), Some(5)), "the one in front");
+    desk.press();
+    desk.point_at(Vec3::new(0.0, 0.8, 0.0));
+    desk.run((4.0 / TICK) as usize);
+    let pulled = desk.place(nets[0], 5);
+    // The ray through (0, 0.8, 0) meets its layer at 0.8 (5 − 0.75) / 5.
+    assert!((pulled.y - 0.68).abs() < 0.02, "{pulled}");
+    for (net, layer) in nets.into_iter().zip(layers) {
+        for particle in 0..11 {
+            assert_eq!(desk.place(net, particle).z, layer);
+        }
+    }
+    desk.release();
+    let hit = Vec3::new(0.0, -1.0, 0.75);
+    desk.point_at(hit);
+    assert_eq!(desk.hovered(), (Some(balls[0]), None));
+    desk.press();
+    desk.point_at(hit + Vec3::X * 0.5);
+    desk.run((4.0 / TICK) as usize);
+    let ball = desk.app.world().get::<Transform>(balls[0]).expect("it exists").translation;
+    assert!((ball.x - 0.5).abs() < 0.02 && ball.z == layers[0], "{ball}");
+}

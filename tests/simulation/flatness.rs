@@ -1,6 +1,7 @@
 //! Two dimensions: z of a `Transform` is a layer.
 
 use bevy::prelude::*;
+use bevy_mass_spring::nets::Cloth;
 use bevy_mass_spring::prelude::*;
 
 use crate::common::*;
@@ -210,4 +211,95 @@ fn what_is_in_one_place_parts_in_the_plane() {
     }
     // e^(-10 · 4.7) of the way is left.
     assert!((apart(ends) - rest_length).abs() < 1e-5, "{}", apart(ends));
+}
+
+/// A square of cloth in the plane of motion, on a layer, standing on a corner.
+fn square(app: &mut App, layer: f32, place: Vec2) -> Entity {
+    let cloth = Cloth::grid(Vec3::new(-0.3, -0.3, 0.0), Vec3::X * 0.6, Vec3::Y * 0.6, UVec2::splat(4));
+    let topology = cloth.with_radius(0.03).topology().expect("it is sound");
+    let frame = Transform::from_translation(place.extend(layer))
+        .with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_4));
+    app.world_mut().spawn(ParticleNet::new(topology.into(), &frame)).id()
+}
+
+/// Σ m r × v about the centre of mass along z, and that centre.
+fn turning(net: &ParticleNet) -> (f32, Vec3) {
+    let mass: f32 = net.masses().iter().sum();
+    let mean = |values: &[Vec3]| {
+        net.masses().iter().zip(values).map(|(mass, value)| *mass * *value).sum::<Vec3>() / mass
+    };
+    let (middle, drift) = (mean(net.positions()), mean(net.velocities()));
+    let moving = net.positions().iter().zip(net.velocities()).zip(net.masses());
+    (moving.map(|((x, v), mass)| mass * (*x - middle).cross(*v - drift).z).sum(), middle)
+}
+
+/// A net that turns flies as its angular momentum says, lands on a slope of 51.6°, on which no square rests, rolls down it over its corners, and leaves its layer by
+/// no bit.
+#[test]
+fn a_net_turns_on_a_plane_within_its_layer() {
+    for settings in schemes() {
+        if matches!(settings.integrator, Integrator::ExplicitEuler | Integrator::SecondOrderTaylor) {
+            continue;
+        }
+        let is_explicit = matches!(
+            settings.integrator,
+            Integrator::SemiImplicitEuler | Integrator::VelocityVerlet | Integrator::RungeKutta4
+        );
+        // As many as the stiffness of cloth asks for.
+        let substeps = if is_explicit { SubstepMode::Auto } else { settings.substeps };
+        let settings = SolverSettings { substeps, ..settings };
+        let mut app = flat_app(settings);
+        let slope = Transform::from_rotation(Quat::from_rotation_z(-0.9));
+        let plane = ParticleCollider { restitution: 0.0, friction: 1.5, ..default() };
+        app.world_mut().spawn((plane, slope));
+        let layer = -7.3;
+        let net = square(&mut app, layer, Vec2::new(0.0, 1.0));
+        let state = |app: &App| app.world().get::<ParticleNet>(net).expect("it exists").clone();
+        run(&mut app, 1);
+        // Clockwise, as it will roll.
+        let spin = Vec3::NEG_Z * 3.0;
+        let (_, middle) = turning(&state(&app));
+        let mut edited = app.world_mut().get_mut::<ParticleNet>(net).expect("it exists");
+        let places = edited.positions().to_vec();
+        for (velocity, place) in edited.velocities_mut().iter_mut().zip(places) {
+            *velocity = spin.cross(place - middle) + Vec3::Z * 2.0;
+        }
+        run(&mut app, 1);
+        let (start, _) = turning(&state(&app));
+        assert!(start < -1e-3, "{}: {start}", settings.integrator);
+        let mut touched = 0;
+        let mut turned = 0.0;
+        let corner = |net: &ParticleNet, middle: Vec3| (net.positions()[0] - middle).truncate();
+        let mut last = {
+            let now = state(&app);
+            corner(&now, turning(&now).1)
+        };
+        for tick in 0..150_u8 {
+            run(&mut app, 1);
+            let now = state(&app);
+            let (angular, middle) = turning(&now);
+            touched += report(&app).contacts;
+            if touched == 0 {
+                // Implicit steps, of a tick at most, turn about the middle by hω, and lose (hω)² of what turns.
+                let share = if is_explicit { 0.0 } else { (3.0 * TICK).powi(2) * (f32::from(tick) + 1.0) };
+                let lost = (angular - start).abs() / start.abs();
+                assert!(lost < 1e-3 + share, "{}, tick {tick}: {angular}, {start}", settings.integrator);
+            }
+            let next = corner(&now, middle);
+            turned += last.angle_to(next);
+            last = next;
+            for (place, velocity) in now.positions().iter().zip(now.velocities()) {
+                assert_eq!(
+                    (place.z.to_bits(), velocity.z),
+                    (layer.to_bits(), 0.0),
+                    "{}",
+                    settings.integrator
+                );
+            }
+        }
+        let (_, middle) = turning(&state(&app));
+        assert!(touched > 0 && middle.x > 0.5, "{}: it rolls down, to {middle}", settings.integrator);
+        assert!(turned < -2.0, "{}: turned by {turned}", settings.integrator);
+        assert_eq!(report(&app).faults, 0);
+    }
 }

@@ -19,9 +19,10 @@ impl Jump {
         Self { translation, rotation: Quat::IDENTITY }
     }
 
-    fn all() -> [Self; 5] {
+    fn all() -> [Self; 6] {
         [
             Self::by(Vec3::X),
+            Self::by(Vec3::new(6e5, 0.0, -8e5)),
             Self::by(Vec3::new(60.0, -80.0, 0.0)),
             Self::by(Vec3::new(6000.0, 0.0, 8000.0)),
             Self { translation: Vec3::ZERO, rotation: Quat::from_rotation_y(FRAC_PI_2) },
