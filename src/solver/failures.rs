@@ -11,11 +11,12 @@
 //! and torn after it.
 //!
 //! The tension of what an implicit scheme advances is that of the solved equations at the end of its step; that of
-//! others follows from the positions: its error is their rounding times the stiffness.
+//! others follows from the positions: its error is their rounding times the stiffness. Where that error decides whether a spring breaks it
+//! is asked at the end of the tick only, and of what rests it is the tension that balances the loads then, as published.
 
 use bevy::math::Vec3;
 
-use crate::solver::elements::{Element, Elements, Release};
+use crate::solver::elements::{Element, Elements, MAX_ULPS, Release};
 use crate::solver::graph::{Islands, spring_ends};
 use crate::solver::outputs::Broken;
 use crate::solver::particles::Particles;
@@ -40,6 +41,8 @@ pub(super) struct Failures {
     waiting: Vec<u32>,
     /// The springs that were.
     reported: Vec<u32>,
+    /// The largest coordinate of the springs of each island, m, and behind them that of those without one.
+    reach: Vec<f32>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -124,16 +127,46 @@ impl Failures {
         !self.candidates.is_empty()
     }
 
-    /// Finds what fails. `solved` has the tensions of the elements whose equations were solved; of others it has
-    /// nothing, or NaN. Those at a particle that is `in_step` of a longer step are left for its end.
+    /// Whether rounding decides of any spring if it breaks, for the tensions that [`find`](Self::find) takes.
+    pub fn any_uncertain(&mut self, elements: &Elements, particles: &Particles, known: &[f64]) -> bool {
+        self.measure_reach(elements, particles);
+        self.candidates.iter().any(|candidate| {
+            let limit = elements.springs().elements()[candidate.spring as usize].breaking_force;
+            limit.is_some_and(|limit| {
+                let (tension, _) = tension(elements, particles, known, candidate.spring);
+                (tension - f64::from(limit)).abs() <= rounding(elements, &self.reach, candidate)
+            })
+        })
+    }
+
+    /// Measures how far the springs of each island are from the origin: the rounding of one makes the others vibrate, too.
+    fn measure_reach(&mut self, elements: &Elements, particles: &Particles) {
+        let Self { candidates, reach, .. } = self;
+        let islands =
+            candidates.iter().map(|candidate| candidate.island).filter(|island| *island != NO_ISLAND);
+        let count = islands.max().map_or(0, |island| island as usize + 1) + 1;
+        reach.clear();
+        reach.resize(count, 0.0);
+        for candidate in &*candidates {
+            let ends = spring_ends(elements, candidate.spring as usize);
+            let coordinates = ends.map(|end| particles.position.get(end).abs().max_element());
+            let reach = &mut reach[reach_index(count, candidate)];
+            *reach = reach.max(coordinates[0]).max(coordinates[1]);
+        }
+    }
+
+    /// Finds what fails. `known` has the tensions of the elements whose equations were solved or that rest; of others it has
+    /// nothing, or NaN. Those at a particle that is `in_step` of a longer step are left for its end, and where rounding decides for
+    /// that of the tick.
     pub fn find(
         &mut self,
         elements: &Elements,
         particles: &Particles,
-        solved: &[f64],
+        (known, ends_tick): (&[f64], bool),
         in_step: impl Fn(usize) -> bool,
     ) {
-        let Self { candidates, broken, yielded, overloaded, waiting, reported, .. } = self;
+        self.measure_reach(elements, particles);
+        let Self { candidates, broken, yielded, overloaded, waiting, reported, reach, .. } = self;
         broken.clear();
         yielded.clear();
         overloaded.clear();
@@ -143,10 +176,11 @@ impl Failures {
             {
                 continue;
             }
-            let [length, measured] = elements.measure_spring(candidate.spring, particles);
-            let tension = solved.get(candidate.spring as usize).copied();
-            let tension = tension.filter(|tension| !tension.is_nan()).unwrap_or(measured);
-            if let Some(limit) = spring.breaking_force.map(f64::from).filter(|limit| tension > *limit) {
+            let (tension, length) = tension(elements, particles, known, candidate.spring);
+            let is_beyond = |limit: &f64| {
+                tension > *limit && (ends_tick || tension > limit + rounding(elements, reach, &candidate))
+            };
+            if let Some(limit) = spring.breaking_force.map(f64::from).filter(is_beyond) {
                 overloaded.push(Overload { candidate, tension, length, load: tension / limit });
             } else if let Some(strain) = spring.yielded(length) {
                 yielded.push((candidate.spring, strain));
@@ -168,6 +202,24 @@ impl Failures {
             }
         }
     }
+}
+
+/// The tension of a spring, N, as far as it is `known`, else as measured; and its length, m.
+fn tension(elements: &Elements, particles: &Particles, known: &[f64], spring: u32) -> (f64, f64) {
+    let [length, measured] = elements.measure_spring(spring, particles);
+    let known = known.get(spring as usize).copied().filter(|tension| !tension.is_nan());
+    (known.unwrap_or(measured), length)
+}
+
+/// By how much rounding of positions may change the tension of a spring that rests, N.
+fn rounding(elements: &Elements, reach: &[f32], candidate: &Candidate) -> f64 {
+    let stiffness = elements.springs().elements()[candidate.spring as usize].stiffness;
+    let reach = reach[reach_index(reach.len(), candidate)];
+    MAX_ULPS * f64::from(f32::EPSILON * reach) * f64::from(stiffness)
+}
+
+fn reach_index(count: usize, candidate: &Candidate) -> usize {
+    (candidate.island as usize).min(count - 1)
 }
 
 /// Keeps the most overloaded of each island that is not `waiting`, and those that break for certain; by their numbers.

@@ -134,9 +134,9 @@ pub(crate) fn step(
             let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
             caches.stop_crossings(state, inputs, (settings, duration), (step, have_touched));
         }
-        caches.fail(state, outputs, plan, (index, duration));
+        caches.fail(state, outputs, (settings, plan), (index, duration));
     }
-    caches.correct_velocities(state, inputs, outputs, settings, duration);
+    caches.correct_velocities(state, inputs, outputs, settings, (plan.integrator, duration));
     caches.end_tick(state, plan);
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -222,18 +222,28 @@ impl Caches {
     }
 
     /// Removes the springs that broke in the substep of this `index`, and changes those that yielded.
-    fn fail(&mut self, state: &mut State, outputs: &mut Outputs, plan: Plan, (index, substep): (u32, f32)) {
+    fn fail(
+        &mut self,
+        state: &mut State,
+        outputs: &mut Outputs,
+        (settings, plan): (&StepSettings, Plan),
+        (index, substep): (u32, f32),
+    ) {
         state.releases.iter_mut().for_each(|release| release.time_left -= substep);
         if !self.failures.any() {
             return;
         }
         let ends_step = plan.begins_implicit_step(index + 1);
         self.read_solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
+        let ends_tick = index + 1 == plan.substeps;
+        if ends_tick && self.failures.any_uncertain(&state.elements, &state.particles, &self.tensions) {
+            self.balance_tensions(state, settings, plan);
+        }
         let (islands, stiff) = self.planner.stiff_islands();
         let is_between = plan.stiff_substeps > 0 && !ends_step;
         let State { particles, elements, pulls, contacts, releases, .. } = state;
         let in_step = |slot: usize| is_between && stiff.contains(islands, particles, slot);
-        self.failures.find(elements, particles, &self.tensions, in_step);
+        self.failures.find(elements, particles, (&self.tensions, ends_tick), in_step);
         let Failures { broken, yielded, .. } = &self.failures;
         if broken.is_empty() && yielded.is_empty() {
             return;
@@ -267,13 +277,13 @@ impl Caches {
         inputs: &Inputs,
         outputs: &mut Outputs,
         settings: &StepSettings,
-        substep: f32,
+        substep: (Integrator, f32),
     ) {
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed: 1.0, time_step: settings.time_step };
         let Self { blocks, scratch, air, contacts, .. } = self;
-        let State { elements, particles, .. } = state;
+        let State { elements, particles, pulls, .. } = state;
         let field = (&*elements, Field::of(settings, air.load()));
-        if schemes::end_tick(field, pinned, blocks, particles, scratch, substep) {
+        if schemes::end_tick(field, pinned, blocks, particles, (scratch, pulls), substep) {
             let records = if outputs.record_contacts { &mut outputs.contacts[..] } else { &mut [] };
             contacts.stop_approaching(particles, records);
         }
@@ -299,7 +309,10 @@ impl Caches {
         if is_divided || plan.integrator == Integrator::TrBdf2 {
             pulls.begin_tick(particles.len());
         } else {
-            pulls.clear();
+            pulls.clear_accelerations();
+        }
+        if plan.integrator != Integrator::RungeKutta4 {
+            pulls.release();
         }
         if plan.is_implicit() {
             self.planner.refresh_islands(elements, particles);

@@ -201,3 +201,42 @@ fn breaks_depend_on_the_state_alone() {
         assert_eq!((count, kept), run(true), "{integrator}");
     }
 }
+
+/// However stiff the links: the ulp of a coordinate of 1 m is 120 N at 10⁹ N/m. The rope of above, its dampers as stiff as its
+/// springs: a tenth of √(k m). Within a tick the load grows by 8 mN, 0.14 % of the breaking force.
+#[test]
+fn a_stiff_rope_breaks_where_and_when_the_statics_say() {
+    let explicit = [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet, Integrator::RungeKutta4];
+    let implicit = [Integrator::Auto, Integrator::ImplicitEuler, Integrator::TrBdf2];
+    for stiffness in [1e5_f32, 1e7, 1e9] {
+        // The explicit schemes take thousands of substeps a tick for the stiffest.
+        for integrator in implicit.into_iter().chain(explicit.into_iter().filter(|_| stiffness < 1e9)) {
+            let damping = 0.1 * (stiffness * 0.05).sqrt();
+            let link = Spring { breaking_force: Some(6.0), ..Spring::elastic(0.1, stiffness, damping) };
+            let mut solver = rope(link);
+            let is_named = matches!(integrator, Integrator::ImplicitEuler | Integrator::TrBdf2);
+            let substeps = if is_named { SubstepMode::Fixed(2) } else { SubstepMode::Auto };
+            let settings = StepSettings { substeps, ..settings(integrator, 2, GRAVITY) };
+            let label = format!("{integrator}, {stiffness:e} N/m");
+            let mut load = 0.0;
+            let broken = loop {
+                assert!(load < 3.0, "{label}: it never breaks");
+                load += 0.5 * settings.time_step;
+                solver.set_applied_force(LINKS, Vec3::NEG_Y * load);
+                let broken = &solver.step(&settings).broken;
+                if !broken.is_empty() {
+                    break broken.clone();
+                }
+            };
+            assert_eq!(broken.len(), 1, "{label}: {broken:?}");
+            assert_eq!(broken[0].spring, 0, "{label}: the one at the anchor");
+            let force = LINKS as f32 * 0.05 * 9.81 + load;
+            assert!((force / 6.0 - 1.0).abs() < 0.01, "{label}: broke at {force} N");
+            assert!((broken[0].tension / 6.0 - 1.0).abs() < 0.01, "{label}: {} N", broken[0].tension);
+            for _ in 0..60 {
+                assert!(solver.step(&settings).broken.is_empty(), "{label}");
+            }
+            assert!(solver.position(1).y < -2.0, "{label}");
+        }
+    }
+}

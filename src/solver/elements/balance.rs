@@ -7,9 +7,9 @@
 //! K δ = f(x)      with K = Σ k c cᵀ ⊗ (n nᵀ + max(0, 1 − r/‖s‖) (1 − n nᵀ)),  n = s/‖s‖
 //! ```
 //!
-//! by conjugate gradients. Where they change ‖s‖ by no more than rounding does, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ). Where
+//! by conjugate gradients; of what nothing holds without the force that accelerates it as a whole. Where they change ‖s‖ by no more than rounding does, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ). Where
 //! they change it by more, or the forces on an end, with those of dampers, exceed what rounding makes of them, the net moves: its
-//! tensions are left alone. (Where a particle is too slow to get to the next f32, a damper may bear a part of the load.)
+//! tensions are left alone; and where the ends turn about each other so fast that it takes a part of the tension. (Where a particle is too slow to get to the next f32, a damper may bear a part of the load.)
 
 use bevy::math::DVec3;
 
@@ -22,9 +22,12 @@ const MAX_ITERATIONS: usize = 60;
 /// The square of the part of the forces that may be left.
 const TOLERANCE: f64 = 1e-14;
 
-/// By how many ulp of the largest coordinate of its ends the length of an element of a net at rest may differ: by one or two for
+/// By how many ulp of the largest coordinate of its net the length of an element of a net at rest may differ: by one or two for
 /// rounding, more where that makes the net vibrate.
-const MAX_ULPS: f64 = 8.0;
+pub(in crate::solver) const MAX_ULPS: f64 = 8.0;
+
+/// The part of a tension that may bend the paths of the ends of an element of a net at rest, which vibrates at most.
+const MAX_CENTRIPETAL: f64 = 1e-2;
 
 /// A direction along which the stiffness is less than this part of that of the elements is one of a rigid motion.
 const NO_CURVATURE: f64 = 1e-12;
@@ -43,6 +46,12 @@ pub(in crate::solver) struct Balance {
     direction: Vec<DVec3>,
     image: Vec<DVec3>,
     gradient: Vec<DVec3>,
+    /// Of what hangs together each slot leads to another one, the last of them to itself.
+    parent: Vec<u32>,
+    /// By that last slot, of what nothing holds: force and mass, N and kg.
+    fall: Vec<(DVec3, f64)>,
+    /// By that last slot: the largest coordinate, m.
+    reach: Vec<f32>,
 }
 
 /// An element that is taut or pushes.
@@ -63,6 +72,8 @@ struct Link {
     tension: f64,
     /// c d‖s‖/dt, N.
     damping: f64,
+    /// m ‖ds/dt‖² / ‖s‖ with 1/m = Σ c²/mᵢ, N.
+    centripetal: f64,
 }
 
 impl Link {
@@ -93,8 +104,8 @@ impl Balance {
         self.begin(elements, particles, load, is_held);
         self.solve();
         for link in &self.links {
-            let coordinates = link.ends().map(|(end, _)| particles.position.get(end).abs().max_element());
-            let limit = MAX_ULPS * f64::from(f32::EPSILON * coordinates.fold(0.0, f32::max));
+            let net = find(&mut self.parent, link.ends[0] as usize);
+            let limit = MAX_ULPS * f64::from(f32::EPSILON * self.reach[net]);
             let moved = link.combine(&self.displacement);
             let change = link.along.dot(moved);
             // Across it the length changes in second order.
@@ -104,8 +115,13 @@ impl Balance {
                 !self.is_free[end] || self.inertia[end].length() <= limit * self.diagonal[end]
             };
             let is_bounded = (change.abs() + neglected - limit) * link.stiffness <= link.damping.abs();
-            if is_bounded && link.ends().all(is_at_rest) {
-                tensions[link.number as usize] = link.tension + link.stiffness * change;
+            let tension = link.tension + link.stiffness * change;
+            // What rounding makes vibrate has up to k times the square of that.
+            let vibrating =
+                if link.length > 0.0 { link.stiffness * limit * limit / link.length } else { 0.0 };
+            let is_straight = link.centripetal <= vibrating.max(MAX_CENTRIPETAL * tension.abs());
+            if is_bounded && is_straight && link.ends().all(is_at_rest) {
+                tensions[link.number as usize] = tension;
             }
         }
     }
@@ -118,7 +134,7 @@ impl Balance {
         load: impl Fn(usize) -> DVec3,
         is_held: &[bool],
     ) {
-        let Self { links, is_free, diagonal, residual, inertia, displacement, gradient, .. } = self;
+        let Self { links, is_free, diagonal, residual, displacement, gradient, .. } = self;
         let count = particles.len();
         links.clear();
         is_free.clear();
@@ -149,6 +165,7 @@ impl Balance {
                 length: 0.0,
                 tension: 0.0,
                 damping: 0.0,
+                centripetal: 0.0,
             };
             link.ends[..link.count].copy_from_slice(acting.ends);
             for (to, from) in link.weights.iter_mut().zip(acting.weights) {
@@ -164,12 +181,20 @@ impl Balance {
             link.damping = f64::from(rates.damping) * rate.dot(link.along);
             link.tension = link.stiffness * (length - rest_length);
             link.across = if length > 0.0 { link.tension.max(0.0) / length } else { link.stiffness };
+            let inverse_mass = |end: usize| f64::from(particles.inverse_mass()[end]);
+            let lightness: f64 = link.ends().map(|(end, weight)| weight * weight * inverse_mass(end)).sum();
+            if lightness > 0.0 && length > 0.0 {
+                link.centripetal =
+                    rate.reject_from_normalized(link.along).length_squared() / (lightness * length);
+            }
             for (end, weight) in link.ends() {
                 diagonal[end] += weight * weight * link.stiffness;
                 residual[end] -= link.along * (link.tension * weight);
             }
             links.push(link);
         });
+        self.let_fall(particles);
+        let Self { links, is_free, diagonal, residual, inertia, .. } = self;
         inertia.clone_from(residual);
         for link in &*links {
             link.ends().for_each(|(end, weight)| inertia[end] -= link.along * (link.damping * weight));
@@ -178,6 +203,36 @@ impl Balance {
             if !is_free || diagonal[slot] == 0.0 {
                 residual[slot] = DVec3::ZERO;
             }
+        }
+    }
+
+    /// Finds what hangs together; takes the force that accelerates it as a whole off what is not held.
+    fn let_fall(&mut self, particles: &Particles) {
+        let Self { links, is_free, residual, parent, fall, reach, .. } = self;
+        parent.clear();
+        parent.extend(0..is_free.len() as u32);
+        for link in &*links {
+            let last = link.ends().map(|(end, _)| find(parent, end)).min();
+            for (end, _) in link.ends() {
+                let other = find(parent, end);
+                parent[other] = last.unwrap_or(other) as u32;
+            }
+        }
+        fall.clear();
+        fall.resize(is_free.len(), (DVec3::ZERO, 0.0));
+        reach.clear();
+        reach.resize(is_free.len(), 0.0);
+        for (slot, is_free) in is_free.iter().enumerate() {
+            let net = find(parent, slot);
+            reach[net] = reach[net].max(particles.position.get(slot).abs().max_element());
+            let (force, mass) = &mut fall[net];
+            *force += residual[slot];
+            // What is held weighs infinitely much.
+            *mass += if *is_free { 1.0 / f64::from(particles.inverse_mass()[slot]) } else { f64::INFINITY };
+        }
+        for (slot, residual) in residual.iter_mut().enumerate().filter(|(slot, _)| is_free[*slot]) {
+            let (force, mass) = fall[find(parent, slot)];
+            *residual -= force * (1.0 / (mass * f64::from(particles.inverse_mass()[slot])));
         }
     }
 
@@ -229,4 +284,13 @@ impl Balance {
             left = next;
         }
     }
+}
+
+/// The last slot to which `slot` leads; halves the way there.
+fn find(parent: &mut [u32], mut slot: usize) -> usize {
+    while parent[slot] as usize != slot {
+        parent[slot] = parent[parent[slot] as usize];
+        slot = parent[slot] as usize;
+    }
+    slot
 }

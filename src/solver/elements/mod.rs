@@ -28,7 +28,7 @@ use crate::solver::particles::{Particles, Vectors};
 use crate::solver::state::Version;
 pub(super) use air::{CrossFlow, Exposed, FacePush, FilamentPush, Push};
 pub use air::{Face, Filament};
-pub(super) use balance::Balance;
+pub(super) use balance::{Balance, MAX_ULPS};
 pub use bend::Bend;
 pub(super) use element::{Element, Potential, Rates};
 pub use failure::Plasticity;

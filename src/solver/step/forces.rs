@@ -25,8 +25,14 @@ impl Caches {
         if !outputs.record_forces {
             return;
         }
+        self.read_solved_tensions(plan, state.elements.len());
+        self.balance_tensions(state, settings, plan);
+        outputs.end_tick(&state.elements, &state.particles, &self.tensions);
+    }
+
+    /// Replaces the tensions of what rests by those that balance the loads, N; of elements without one they become NaN.
+    pub(super) fn balance_tensions(&mut self, state: &State, settings: &StepSettings, plan: Plan) {
         let State { elements, particles, .. } = state;
-        self.read_solved_tensions(plan, elements.len());
         self.tensions.resize(elements.len(), f64::NAN);
         let Self { balance, tensions, stopped: is_held, contacts, surfaces, implicit_euler, air, .. } = self;
         is_held.clear();
@@ -54,6 +60,5 @@ impl Caches {
             particles.applied_force.get(slot).as_dvec3() + mass * field.acceleration(slot)
         };
         balance.write_tensions(elements, particles, load, is_held, tensions);
-        outputs.end_tick(elements, particles, tensions);
     }
 }
