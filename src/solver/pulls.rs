@@ -1,8 +1,7 @@
 //! The accelerations by elements at the end of a step of TR-BDF2, with which the next one begins.
 //!
 //! Positions are rounded to f32 between the steps. Forces that were evaluated from them would have the rounding times
-//! the stiffness in them, and throw stiff nets about; these are those of the solution itself. And the accelerations by contacts at the
-//! end of a step of Runge–Kutta.
+//! the stiffness in them, and throw stiff nets about; these are those of the solution itself.
 
 use bevy::math::Vec3;
 
@@ -14,9 +13,6 @@ use crate::solver::particles::Vectors;
 pub(crate) struct Pulls {
     acceleration: Vectors,
     validity: Vec<Validity>,
-    /// With which contacts held the particles in the last substep of Runge–Kutta, m/s²; empty if they held none.
-    #[cfg_attr(feature = "serialize", serde(default))]
-    held: Vectors,
 }
 
 /// Of when the acceleration of a particle by elements is.
@@ -56,47 +52,21 @@ impl Pulls {
         self.validity.is_empty()
     }
 
-    /// Invalidates those of all particles, and holds none.
+    /// Invalidates those of all particles.
     pub fn clear(&mut self) {
-        self.clear_accelerations();
-        self.release();
-    }
-
-    /// Invalidates the accelerations by elements of all particles.
-    pub fn clear_accelerations(&mut self) {
         self.acceleration.resize(0);
         self.validity.clear();
     }
 
-    /// The accelerations with which contacts hold the particles, m/s²; empty if they hold none.
-    pub fn held(&self) -> &Vectors {
-        &self.held
-    }
-
-    /// Replaces them.
-    pub fn set_held(&mut self, held: &Vectors) {
-        self.held.copy_from(held);
-    }
-
-    /// Forgets them.
-    pub fn release(&mut self) {
-        self.held.resize(0);
-    }
-
-    /// Invalidates those of the particle in `slot`.
+    /// Invalidates that of the particle in `slot`.
     pub fn invalidate(&mut self, slot: usize) {
         self.set_validity(slot, Validity::Unknown);
-        if slot < self.held.len() {
-            self.held.set(slot, Vec3::ZERO);
-        }
     }
 
     /// Turns that of the particle in `slot`, as the net around it was turned.
-    pub fn rotate(&mut self, slot: usize, rotate: impl Fn(Vec3) -> Vec3) {
-        for vectors in [&mut self.acceleration, &mut self.held] {
-            if slot < vectors.len() {
-                vectors.set(slot, rotate(vectors.get(slot)));
-            }
+    pub fn rotate(&mut self, slot: usize, rotate: impl FnOnce(Vec3) -> Vec3) {
+        if slot < self.acceleration.len() {
+            self.acceleration.set(slot, rotate(self.acceleration.get(slot)));
         }
     }
 
@@ -128,14 +98,6 @@ impl Pulls {
     /// Moves that of the particle in slot `old` to `new_slots[old]`, of `count` slots.
     pub fn renumber(&mut self, new_slots: &[Option<u32>], count: usize) {
         let old = std::mem::take(self);
-        if old.held.len() > 0 {
-            self.held.resize(count);
-            for slot in 0..old.held.len() {
-                if let Some(new) = new_slots.get(slot).copied().flatten() {
-                    self.held.set(new as usize, old.held.get(slot));
-                }
-            }
-        }
         if old.validity.is_empty() {
             return;
         }

@@ -189,7 +189,7 @@ impl State {
 
     /// Puts a particle somewhere else together with all that elements join to it, without a motion from where they
     /// were; `turn` turns vectors as the whole has turned.
-    pub(crate) fn carry(&mut self, slot: usize, position: Vec3, turn: impl Fn(Vec3) -> Vec3) {
+    pub(crate) fn carry(&mut self, slot: usize, position: Vec3, turn: impl FnOnce(Vec3) -> Vec3) {
         self.sleep.vanish(slot, &self.particles);
         self.particles.position.set(slot, position);
         self.pulls.rotate(slot, turn);

@@ -136,7 +136,7 @@ pub(crate) fn step(
         }
         caches.fail(state, outputs, (settings, plan), (index, duration));
     }
-    caches.correct_velocities(state, inputs, outputs, settings, (plan.integrator, duration));
+    caches.correct_velocities(state, inputs, outputs, settings, duration);
     caches.end_tick(state, plan);
     state.particles.position.clear_negligible();
     state.particles.velocity.clear_negligible();
@@ -277,13 +277,13 @@ impl Caches {
         inputs: &Inputs,
         outputs: &mut Outputs,
         settings: &StepSettings,
-        substep: (Integrator, f32),
+        substep: f32,
     ) {
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed: 1.0, time_step: settings.time_step };
         let Self { blocks, scratch, air, contacts, .. } = self;
-        let State { elements, particles, pulls, .. } = state;
+        let State { elements, particles, .. } = state;
         let field = (&*elements, Field::of(settings, air.load()));
-        if schemes::end_tick(field, pinned, blocks, particles, (scratch, pulls), substep) {
+        if schemes::end_tick(field, pinned, blocks, particles, scratch, substep) {
             let records = if outputs.record_contacts { &mut outputs.contacts[..] } else { &mut [] };
             contacts.stop_approaching(particles, records);
         }
@@ -309,10 +309,7 @@ impl Caches {
         if is_divided || plan.integrator == Integrator::TrBdf2 {
             pulls.begin_tick(particles.len());
         } else {
-            pulls.clear_accelerations();
-        }
-        if plan.integrator != Integrator::RungeKutta4 {
-            pulls.release();
+            pulls.clear();
         }
         if plan.is_implicit() {
             self.planner.refresh_islands(elements, particles);

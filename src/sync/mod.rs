@@ -72,14 +72,6 @@ pub(crate) struct Simulation {
     touching_is_read: bool,
 }
 
-/// What a tick does with nets before it gathers; a schedule of its own, so that worlds without nets pay for one system.
-#[derive(ScheduleLabel, Debug, Clone, PartialEq, Eq, Hash)]
-struct PrepareNets;
-
-/// What it does with them after loose particles are scattered.
-#[derive(ScheduleLabel, Debug, Clone, PartialEq, Eq, Hash)]
-struct ScatterNets;
-
 /// Adds the three stages to `schedule`, and the observers that keep the registries.
 pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.init_resource::<Simulation>()
@@ -121,22 +113,18 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
         .add_observer(nets::relink_part)
         .add_observer(nets::note_despawned_part)
         .add_systems(
-            PrepareNets,
-            (
-                change_materials,
-                nets::give_breaking,
-                nets::gather_parts,
-                nets::tie_attachments.run_if(nets::any_untied),
-                nets::turn_winches.run_if(any_with_component::<Winch>),
-            )
-                .chain(),
-        )
-        .add_systems(ScatterNets, (nets::scatter_nets, nets::scatter_parts).chain())
-        .add_systems(
             schedule,
             (
                 (
-                    (|world: &mut World| world.run_schedule(PrepareNets)).run_if(nets::any_nets),
+                    (
+                        change_materials,
+                        nets::give_breaking,
+                        nets::gather_parts,
+                        nets::tie_attachments.run_if(nets::any_untied),
+                        nets::turn_winches.run_if(any_with_component::<Winch>),
+                    )
+                        .chain()
+                        .run_if(nets::any_nets),
                     move_colliders.run_if(any_with_component::<ColliderMotion>),
                     gather::gather,
                 )
@@ -146,7 +134,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                 (
                     scatter::scatter,
                     touching::publish_touching.run_if(touching::is_requested),
-                    (|world: &mut World| world.run_schedule(ScatterNets)).run_if(nets::any_nets),
+                    (nets::scatter_nets, nets::scatter_parts).chain().run_if(nets::any_nets),
                 )
                     .chain()
                     .in_set(MassSpringSystems::Scatter),

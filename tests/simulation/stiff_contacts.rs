@@ -163,7 +163,6 @@ fn a_column_rests_on_what_its_weight_presses_together() {
         Integrator::Auto,
         Integrator::SemiImplicitEuler,
         Integrator::VelocityVerlet,
-        Integrator::RungeKutta4,
         Integrator::ImplicitEuler,
         Integrator::TrBdf2,
     ];

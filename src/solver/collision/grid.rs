@@ -372,7 +372,16 @@ impl Grid {
 
 /// The cell of a point. Points too far away for an i32 share the outermost cells.
 fn cell_of(point: Vec3, size: f32) -> IVec3 {
-    (point / size).floor().as_ivec3()
+    let Vec3 { x, y, z } = point / size;
+    IVec3::new(floor(x), floor(y), floor(z))
+}
+
+/// The greatest integer that is not above `value`, as near as an i32 comes; 0 for NaN. (`f32::floor` calls a function on
+/// processors that may lack the instruction.)
+#[inline]
+fn floor(value: f32) -> i32 {
+    let towards_zero = value as i32;
+    towards_zero.saturating_sub(i32::from(towards_zero as f32 > value))
 }
 
 /// The bucket of a cell: a multiplicative hash of its row (Teschner et al. 2003), and from there along
@@ -440,6 +449,17 @@ mod tests {
     fn crowded_spheres_have_few_partners() {
         let crowd = pairs_of(&vec![(Vec3::ONE, 0.1); 3000]).len();
         assert_eq!(crowd, (3000 - MAX_PARTNERS) * CROWDED_PARTNERS + MAX_PARTNERS * (MAX_PARTNERS - 1) / 2);
+    }
+
+    #[test]
+    fn floors_are_those_of_the_standard_library() {
+        let mut seed = 3;
+        let random = (0..1000).map(|_| (random(&mut seed) - 0.5) * 1e4);
+        let special = [0.0, -0.0, 1.0, -1.0, -1e-30, 2.5, -2.5, 1e9, -1e9, 3e9, -3e9];
+        let infinite = [f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
+        for value in random.chain(special).chain(infinite) {
+            assert_eq!(floor(value), value.floor() as i32, "{value}");
+        }
     }
 
     #[test]

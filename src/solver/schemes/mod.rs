@@ -43,8 +43,6 @@ struct StepVectors {
     position_slope: Vectors,
     velocity_slope: Vectors,
     carried: velocity_verlet::Carried,
-    /// Of Runge–Kutta: the accelerations with which contacts held the particles in the last substep, m/s²; empty if they held none.
-    held: Vectors,
     air: verlet_in_air::Vectors,
 }
 
@@ -132,7 +130,7 @@ pub(super) fn advance(
         Integrator::Auto | Integrator::SemiImplicitEuler => semi_implicit_euler::advance(&mut stage, substep),
         Integrator::SecondOrderTaylor => second_order_taylor::advance(&mut stage, substep),
         Integrator::VelocityVerlet => velocity_verlet::advance(&mut stage, substep),
-        Integrator::RungeKutta4 => runge_kutta_4::advance(&mut stage, pulls, substep),
+        Integrator::RungeKutta4 => runge_kutta_4::advance(&mut stage, substep),
         Integrator::ImplicitEuler => {
             implicit_euler.advance(
                 elements,
@@ -160,27 +158,24 @@ pub(super) fn advance(
 }
 
 /// After the last substep of a tick, of `substep` seconds, and its contacts: corrects the velocities where the scheme has evaluated
-/// accelerations elsewhere than contacts have left the particles, or remembers what contacts did. Returns whether it has corrected any.
+/// accelerations elsewhere than contacts have left the particles. Returns whether it has.
 pub(super) fn end_tick(
     (elements, field): (&Elements, Field),
     pinned: PinnedMotions,
     blocks: &mut Blocks,
     particles: &mut Particles,
-    (scratch, pulls): (&mut Scratch, &mut Pulls),
-    (integrator, substep): (Integrator, f32),
+    scratch: &mut Scratch,
+    substep: f32,
 ) -> bool {
     let Scratch { acceleration, steps, gas, .. } = scratch;
-    let is_disturbed = steps.carried == velocity_verlet::Carried::Disturbed;
+    if steps.carried != velocity_verlet::Carried::Disturbed {
+        return false;
+    }
     let elapsed = [pinned.elapsed; 2];
     let mut stage =
         Stage { particles, blocks, elements, elapsed, field, pinned, acceleration, scratch: steps, gas };
-    if integrator == Integrator::RungeKutta4 {
-        runge_kutta_4::end_tick(&mut stage, pulls, substep);
-    } else if is_disturbed {
-        velocity_verlet::evaluate_again(&mut stage, substep);
-        return true;
-    }
-    false
+    velocity_verlet::evaluate_again(&mut stage, substep);
+    true
 }
 
 /// `values` += `factor` · `slopes`.
