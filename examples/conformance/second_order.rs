@@ -169,12 +169,14 @@ fn orders(lab: &mut Lab, section: &mut Section) -> Result<(), Box<dyn Error>> {
             }
             let [coarse, fine] = [coarse, fine].map(|error| format!("{} mm", number(error * 1e3)));
             table.row([format!("`{integrator}`"), (*name).to_owned(), coarse, fine, order]);
-            lines.push(Line { name: format!("{integrator}, {name}"), points });
+            // As long as the legend is wide.
+            let short = name.replace(" N/m", "").replace(", on the", ",");
+            lines.push(Line { name: format!("{integrator}, {short}"), points });
         }
     }
     section.table(table);
     let plot = Plot {
-        title: "Error after 1 s against the step, free and on the ground".to_owned(),
+        title: "Error after 1 s, links of 40 and 1e6 N/m, free and on the ground".to_owned(),
         x: Axis { label: "substep, s", logarithmic: true, range: 8e-4..0.2 },
         y: Axis { label: "error, m", logarithmic: true, range: 1e-7..1.0 },
         lines,
@@ -207,7 +209,9 @@ fn swings(lab: &mut Lab, section: &mut Section) -> Result<(), Box<dyn Error>> {
             table.row(cells);
         }
         for ((name, _), points) in scenes.iter().zip(points) {
-            lines.push(Line { name: format!("{integrator}, {name}"), points });
+            // As long as the legend is wide.
+            let short = name.replace(" N/m", "").replace(", on the", ",");
+            lines.push(Line { name: format!("{integrator}, {short}"), points });
         }
     }
     section.table(table);

@@ -12,6 +12,7 @@ use std::ops::{ControlFlow, Range};
 
 use bevy::math::{IVec3, Vec3, Vec4};
 
+use super::cells::{Label, Row, bucket, cell_of};
 use super::few::Few;
 use crate::solver::parallel;
 use crate::solver::particles::Vectors;
@@ -46,40 +47,12 @@ struct Sphere {
     reach: f32,
 }
 
-/// The slot of a sphere, and its cell.
-#[derive(Debug, Clone, Copy, Default)]
-struct Label {
-    slot: u32,
-    class: u32,
-    cell: IVec3,
-}
-
 /// The spheres of one class search those of another: in the cells up to `range` from their own.
 #[derive(Debug, Clone, Copy)]
 struct Search {
     from: u32,
     to: u32,
     range: i32,
-}
-
-/// Cells of one class in a row along x.
-#[derive(Debug, Clone, Copy)]
-struct Row {
-    class: u32,
-    /// The first of them.
-    cell: IVec3,
-    count: i32,
-}
-
-impl Row {
-    #[inline]
-    fn contains(&self, label: &Label) -> bool {
-        let Self { class, cell, count } = *self;
-        label.class == class
-            && label.cell.y == cell.y
-            && label.cell.z == cell.z
-            && (label.cell.x.wrapping_sub(cell.x) as u32) < count as u32
-    }
 }
 
 /// Number of spheres that are one part of the search.
@@ -171,10 +144,10 @@ impl Grid {
         let is_crowded = {
             let mut add = |a, b| list(found, MAX_PARTNERS, a, b);
             let rows = || LATER_ROWS.map(|(y, z)| cell.wrapping_add(IVec3::new(-1, y, z)));
-            self.visit_own(index, Row { class, cell, count: 2 }, &mut add).is_break()
+            self.visit(index, Row { class, cell, count: 2 }, Some(index + 1), &mut add).is_break()
                 || rows()
                     .into_iter()
-                    .any(|cell| self.visit(index, Row { class, cell, count: 3 }, &mut add).is_break())
+                    .any(|cell| self.visit(index, Row { class, cell, count: 3 }, None, &mut add).is_break())
         };
         if is_crowded {
             found.truncate(first + CROWDED_PARTNERS);
@@ -200,7 +173,7 @@ impl Grid {
         let corner = cell_of(self.centers.get(index), self.cell_sizes[to as usize]);
         for (y, z) in (-range..=range).flat_map(|y| (-range..=range).map(move |z| (y, z))) {
             let cell = corner.wrapping_add(IVec3::new(-range, y, z));
-            self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, found)?;
+            self.visit(index, Row { class: to, cell, count: 2 * range + 1 }, None, found)?;
         }
         ControlFlow::Continue(())
     }
@@ -294,42 +267,26 @@ impl Grid {
         }
     }
 
-    /// Tests the sphere at `index` against all spheres of a row of cells, which lie in buckets in a row too.
+    /// Tests the sphere at `index` against all spheres of a row of cells, or those from `start` on; the row lies in buckets in
+    /// a row too.
     #[inline]
     fn visit(
         &self,
         index: usize,
         row: Row,
+        start: Option<usize>,
         found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let first = bucket(row.class, row.cell, self.mask);
         let end = first + row.count as usize;
         let buckets = self.bucket_starts.len() - 1;
-        let start = self.bucket_starts[first] as usize;
+        let start = start.unwrap_or(self.bucket_starts[first] as usize);
         if end <= buckets {
             self.test(index, start..self.bucket_starts[end] as usize, row, found)
         } else {
             self.test(index, start..self.labels.len(), row, found)?;
             let wrapped = self.bucket_starts[end - buckets] as usize;
             self.test(index, 0..wrapped, row, found)
-        }
-    }
-
-    /// Tests the sphere at `index` against those after it in the row of its own cell and the next one.
-    #[inline]
-    fn visit_own(
-        &self,
-        index: usize,
-        row: Row,
-        found: &mut impl FnMut(u32, u32) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        let own = bucket(row.class, row.cell, self.mask);
-        match self.bucket_starts.get(own + 2) {
-            Some(end) => self.test(index, index + 1..*end as usize, row, found),
-            None => {
-                self.test(index, index + 1..self.labels.len(), row, found)?;
-                self.test(index, 0..self.bucket_starts[1] as usize, row, found)
-            }
         }
     }
 
@@ -368,30 +325,6 @@ impl Grid {
     fn sphere(&self, index: usize) -> Sphere {
         Sphere { center: self.centers.get(index), reach: self.reach[index] }
     }
-}
-
-/// The cell of a point. Points too far away for an i32 share the outermost cells.
-fn cell_of(point: Vec3, size: f32) -> IVec3 {
-    let Vec3 { x, y, z } = point / size;
-    IVec3::new(floor(x), floor(y), floor(z))
-}
-
-/// The greatest integer that is not above `value`, as near as an i32 comes; 0 for NaN. (`f32::floor` calls a function on
-/// processors that may lack the instruction.)
-#[inline]
-fn floor(value: f32) -> i32 {
-    let towards_zero = value as i32;
-    towards_zero.saturating_sub(i32::from(towards_zero as f32 > value))
-}
-
-/// The bucket of a cell: a multiplicative hash of its row (Teschner et al. 2003), and from there along
-/// x, so that the cells of a row lie side by side.
-#[inline]
-fn bucket(class: u32, cell: IVec3, mask: u32) -> usize {
-    let row = (cell.y as u32).wrapping_mul(19_349_663)
-        ^ (cell.z as u32).wrapping_mul(83_492_791)
-        ^ class.wrapping_mul(2_654_435_761);
-    ((row ^ (row >> 15)).wrapping_add(cell.x as u32) & mask) as usize
 }
 
 #[cfg(test)]
@@ -449,17 +382,6 @@ mod tests {
     fn crowded_spheres_have_few_partners() {
         let crowd = pairs_of(&vec![(Vec3::ONE, 0.1); 3000]).len();
         assert_eq!(crowd, (3000 - MAX_PARTNERS) * CROWDED_PARTNERS + MAX_PARTNERS * (MAX_PARTNERS - 1) / 2);
-    }
-
-    #[test]
-    fn floors_are_those_of_the_standard_library() {
-        let mut seed = 3;
-        let random = (0..1000).map(|_| (random(&mut seed) - 0.5) * 1e4);
-        let special = [0.0, -0.0, 1.0, -1.0, -1e-30, 2.5, -2.5, 1e9, -1e9, 3e9, -3e9];
-        let infinite = [f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
-        for value in random.chain(special).chain(infinite) {
-            assert_eq!(floor(value), value.floor() as i32, "{value}");
-        }
     }
 
     #[test]
