@@ -45,8 +45,8 @@ pub struct Spring {
     ///
     /// Of connected springs the one that is most overloaded breaks in a substep, and all that carry
     /// twice their breaking force. In ropes and trees nothing else breaks until the release has had the time to travel
-    /// through all of it. Where rounding of positions decides, 8 ulp times the stiffness, it breaks at the end of a tick, and if it
-    /// rests by the tension that balances the loads.
+    /// through all of it. Where the rounding of positions decides, within 8 ulp times the stiffness, a spring breaks at the end of a
+    /// tick, and if it rests, by the tension that balances the loads.
     pub breaking_force: Option<f32>,
     /// How it yields. Default `None`: it is elastic.
     pub plasticity: Option<Plasticity>,

@@ -11,8 +11,8 @@
 //! and torn after it.
 //!
 //! The tension of what an implicit scheme advances is that of the solved equations at the end of its step; that of
-//! others follows from the positions: its error is their rounding times the stiffness. Where that error decides whether a spring breaks it
-//! is asked at the end of the tick only, and of what rests it is the tension that balances the loads then, as published.
+//! others follows from the positions: its error is their rounding times the stiffness. Where that error decides whether a spring
+//! breaks, it can break at the end of a tick only, and if it rests, by the tension that balances the loads, as it is published.
 
 use bevy::math::Vec3;
 
@@ -127,9 +127,9 @@ impl Failures {
         !self.candidates.is_empty()
     }
 
-    /// Whether rounding decides of any spring if it breaks, for the tensions that [`find`](Self::find) takes.
-    pub fn any_uncertain(&mut self, elements: &Elements, particles: &Particles, known: &[f64]) -> bool {
-        self.measure_reach(elements, particles);
+    /// Whether rounding decides if any spring breaks, for the tensions that [`find`](Self::find) takes; after
+    /// [`measure_reach`](Self::measure_reach).
+    pub fn any_uncertain(&self, elements: &Elements, particles: &Particles, known: &[f64]) -> bool {
         self.candidates.iter().any(|candidate| {
             let limit = elements.springs().elements()[candidate.spring as usize].breaking_force;
             limit.is_some_and(|limit| {
@@ -139,8 +139,9 @@ impl Failures {
         })
     }
 
-    /// Measures how far the springs of each island are from the origin: the rounding of one makes the others vibrate, too.
-    fn measure_reach(&mut self, elements: &Elements, particles: &Particles) {
+    /// Measures how far the springs of each island are from the origin: the rounding of one makes the others vibrate, too. To be
+    /// called in each substep, before anything is asked about it.
+    pub fn measure_reach(&mut self, elements: &Elements, particles: &Particles) {
         let Self { candidates, reach, .. } = self;
         let islands =
             candidates.iter().map(|candidate| candidate.island).filter(|island| *island != NO_ISLAND);
@@ -165,7 +166,6 @@ impl Failures {
         (known, ends_tick): (&[f64], bool),
         in_step: impl Fn(usize) -> bool,
     ) {
-        self.measure_reach(elements, particles);
         let Self { candidates, broken, yielded, overloaded, waiting, reported, reach, .. } = self;
         broken.clear();
         yielded.clear();

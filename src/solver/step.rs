@@ -235,6 +235,7 @@ impl Caches {
         }
         let ends_step = plan.begins_implicit_step(index + 1);
         self.read_solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
+        self.failures.measure_reach(&state.elements, &state.particles);
         let ends_tick = index + 1 == plan.substeps;
         if ends_tick && self.failures.any_uncertain(&state.elements, &state.particles, &self.tensions) {
             self.balance_tensions(state, settings, plan);

@@ -26,8 +26,8 @@ const MIN_LIFE: f32 = 10.0;
 /// in sixteen fast.
 const FAST_TICKS: [f32; 4] = [4.0, 1.0, 0.25, 0.0];
 
-/// Number of searches, at most, that do not look for free chains, since the last ones have found none: a look costs a third
-/// of a search.
+/// Number of searches, at most, that do not look for free chains after one that has found none: among ropes that are close to
+/// each other looking was a quarter of the cost of a search.
 const MAX_PAUSE: u32 = 16;
 
 /// The last search: from it, radii, masses and springs follow the candidates, their order and their groups.
@@ -46,7 +46,8 @@ pub(super) struct BroadPhase {
     pub up: Vec3,
     /// Whether any particle has a skin.
     pub any_skins: bool,
-    /// Number of searches that are to look for no chains, and of those that were when they began to.
+    /// Number of searches still to come that do not look for free chains, and how many there were to be after the last one
+    /// that did.
     pause: [u32; 2],
 }
 
@@ -101,7 +102,7 @@ impl BroadPhase {
         self.any_skins = true;
     }
 
-    /// Finds the free chains, but not in each search where there were none in the last ones.
+    /// Finds the free chains; skips that in up to [`MAX_PAUSE`] searches after one that has found none.
     pub fn find_chains(
         &mut self,
         search: &mut ChainSearch,

@@ -52,7 +52,7 @@ impl StiffPairs {
         });
         swept.clear();
         swept.extend(spheres);
-        // Few sizes, since spheres of different ones are looked for one size after the other.
+        // Smaller spheres are enlarged: the grid searches each class of size by itself.
         let mean = geometric_mean(swept.iter().map(|(_, _, reach)| *reach));
         let even = swept.iter().map(|(slot, centre, reach)| (*slot, *centre, reach.max(mean)));
         let may_collide = |one, other| is_in_island(one) || is_in_island(other);

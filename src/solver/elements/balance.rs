@@ -7,9 +7,11 @@
 //! K δ = f(x)      with K = Σ k c cᵀ ⊗ (n nᵀ + max(0, 1 − r/‖s‖) (1 − n nᵀ)),  n = s/‖s‖
 //! ```
 //!
-//! by conjugate gradients; of what nothing holds without the force that accelerates it as a whole. Where they change ‖s‖ by no more than rounding does, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ). Where
-//! they change it by more, or the forces on an end, with those of dampers, exceed what rounding makes of them, the net moves: its
-//! tensions are left alone; and where the ends turn about each other so fast that it takes a part of the tension. (Where a particle is too slow to get to the next f32, a damper may bear a part of the load.)
+//! by conjugate gradients. For a net that nothing holds, f is without the force that accelerates the net as a whole. Where the δ
+//! change ‖s‖ by no more than rounding does, the tension is k (‖s‖ − r + n · Σ cᵢ δᵢ). The net moves, and its tensions are left
+//! alone, where they change ‖s‖ by more; where the forces on an end, with those of dampers, exceed what rounding makes of them;
+//! and where the ends turn about each other so fast that a part of the tension is centripetal. (Where a particle is too slow to
+//! get to the next f32, a damper may bear a part of the load.)
 
 use bevy::math::DVec3;
 

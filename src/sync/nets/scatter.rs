@@ -129,9 +129,9 @@ fn copy_motion(particles: &Particles, place: &NetPlace, view: View, net: &mut Pa
             }
         }
         None => {
-            for (at, (position, velocity)) in place.slots().zip(positions.iter_mut().zip(velocities)) {
-                let motion = (Vec3::new(x[at], y[at], z[at]), Vec3::new(u[at], v[at], w[at]));
-                copy(motion, inverse_masses[at], position, velocity);
+            for (slot, (position, velocity)) in place.slots().zip(positions.iter_mut().zip(velocities)) {
+                let motion = (Vec3::new(x[slot], y[slot], z[slot]), Vec3::new(u[slot], v[slot], w[slot]));
+                copy(motion, inverse_masses[slot], position, velocity);
             }
         }
     }

@@ -1,6 +1,6 @@
-//! Limits displacements where so many pairs may touch in a substep that they are not listed, so that no crossing is missed.
+//! Limits displacements in substeps in which there are too many possible contacts to list, so that no crossing is missed.
 //!
-//! That happens to bodies whose motion no scheme resolves, as a cloth that is squeezed by pinned particles until it bursts apart: each
+//! That happens where no scheme resolves the motion, as to a cloth that is squeezed by pinned particles until it bursts apart: each
 //! vertex could meet a large part of all others in one substep. Then none moves by more than its radius.
 
 use bevy::math::Vec3A;

@@ -1,4 +1,4 @@
-//! Walks down the trees of two bodies, and lists the primitives whose boxes overlap.
+//! Walks down the trees of two bodies, and lists the primitives with overlapping boxes.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use super::super::material::{Skin, skin_of};
 /// Rounding of distances and ways, as a part of a coordinate.
 const DISTANCE_ROUNDING: f32 = 2e-6;
 
-/// Lists the pairs whose boxes overlap.
+/// Lists the pairs of primitives with overlapping boxes.
 pub(super) struct Finder<'a> {
     pub primitives: &'a Primitives,
     pub moving: Moving<'a>,

@@ -1,4 +1,4 @@
-//! Which pairs may come near each other: those whose bounding boxes, enlarged by margins, overlap.
+//! Which pairs may come near each other: those with bounding boxes, enlarged by margins, that overlap.
 //!
 //! Each vertex has two bounding boxes with a margin greater than its displacement in the substep of the search: one that moves with
 //! its body, for pairs within it, and one fixed in the world, for pairs of bodies. No new search is needed while all vertices stay
@@ -91,7 +91,7 @@ pub(super) struct Search {
     /// By body: the greatest radius, m.
     largest: Vec<f32>,
     order: Vec<(f32, u32)>,
-    /// The bodies, balls behind them, whose boxes overlap.
+    /// The pairs of bodies, balls behind them, with overlapping boxes.
     partners: Vec<[u32; 2]>,
     stack: Vec<[u32; 2]>,
 }

@@ -105,7 +105,7 @@ impl Symmetric {
     /// rounding makes of them.
     #[inline]
     pub fn factor(&self, least: f64) -> Factor {
-        // One instruction, where `f64::max` takes five; not NaN either.
+        // One instruction, where `f64::max` takes five; `least` for NaN, as there.
         let bounded = |pivot: f64| if pivot > least { pivot } else { least };
         let inverse_x = 1.0 / bounded(self.xx);
         let (yx, zx) = (self.xy * inverse_x, self.xz * inverse_x);
