@@ -281,10 +281,12 @@ impl Caches {
         substep: f32,
     ) {
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed: 1.0, time_step: settings.time_step };
-        let Self { blocks, scratch, air, contacts, .. } = self;
+        let Self { blocks, scratch, air, contacts, surfaces, .. } = self;
         let State { elements, particles, .. } = state;
         let field = (&*elements, Field::of(settings, air.load()));
+        surfaces.begin_advance(particles);
         if schemes::end_tick(field, pinned, blocks, particles, scratch, substep) {
+            surfaces.end_tick(particles);
             let records = if outputs.record_contacts { &mut outputs.contacts[..] } else { &mut [] };
             contacts.stop_approaching(particles, records);
         }

@@ -92,6 +92,13 @@ impl Vectors {
         pulp::Arch::new().dispatch(ClearNegligible(self.axes_mut()));
     }
 
+    /// Makes each vector that of `other` less this one. Both are as long.
+    pub fn subtract_from(&mut self, other: &Self) {
+        for (axis, other) in self.axes_mut().into_iter().zip([&other.x, &other.y, &other.z]) {
+            axis.iter_mut().zip(other).for_each(|(own, other)| *own = other - *own);
+        }
+    }
+
     /// Becomes a copy of `other`, without allocating if it is large enough already.
     pub fn copy_from(&mut self, other: &Self) {
         self.x.clone_from(&other.x);

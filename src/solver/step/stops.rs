@@ -65,6 +65,7 @@ impl Caches {
             duration,
             elapsed,
         };
+        self.surfaces.end_advance(&state.particles);
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
         self.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
         let parts = (&self.contacts, &mut self.surfaces, &mut state.contacts);
@@ -91,13 +92,13 @@ impl Caches {
         // Nothing rebounds below this speed, m/s.
         let resting_speed = settings.gravity.length() * duration;
         self.surfaces.begin_stops();
-        let mut have_stopped = self.stop_all(state, inputs, resting_speed);
+        let mut have_stopped = self.stop_all(state, inputs, resting_speed, step.is_some());
         if let Some(step) = step.filter(|_| have_stopped) {
             for remedy in REMEDIES {
                 if !self.backtrack(state, inputs, settings, (step, remedy)) {
                     break;
                 }
-                have_stopped |= self.stop_all(state, inputs, resting_speed);
+                have_stopped |= self.stop_all(state, inputs, resting_speed, true);
             }
         }
         if have_touched || have_stopped {
@@ -111,7 +112,13 @@ impl Caches {
     }
 
     /// Stops what would pass through something, at colliders and at surfaces; whether there was any.
-    fn stop_all(&mut self, state: &mut State, inputs: &Inputs, resting_speed: f32) -> bool {
+    fn stop_all(
+        &mut self,
+        state: &mut State,
+        inputs: &Inputs,
+        resting_speed: f32,
+        is_implicit: bool,
+    ) -> bool {
         let Inputs { colliders, skins, .. } = inputs;
         let Self { contacts, surfaces, .. } = self;
         let mut have_stopped = false;
@@ -119,8 +126,8 @@ impl Caches {
         for round in 0..MAX_STOPS {
             let at_colliders =
                 contacts.stop_at_colliders(&mut state.particles, (colliders, skins), resting_speed);
-            let at_surfaces =
-                (round == 0 || at_colliders) && surfaces.stop_crossings(&mut state.particles, skins);
+            let at_surfaces = (round == 0 || at_colliders)
+                && surfaces.stop_crossings(&mut state.particles, skins, is_implicit);
             have_stopped |= at_colliders || at_surfaces;
             if !at_surfaces {
                 break;

@@ -7,7 +7,7 @@ use bevy_mass_spring::solver::{
 };
 
 use super::{ELASTIC, SCHEMES, SOFT};
-use crate::common::bodies::{add_net, positions, solver_bits};
+use crate::common::bodies::{add_net, positions, solver_bits, velocities};
 
 fn settings(integrator: Integrator) -> StepSettings {
     StepSettings {
@@ -94,6 +94,69 @@ fn what_starts_crossed_does_not_explode() {
             let way = solver.position(slot).distance(place);
             // Two radii: what overlaps may part.
             assert!(way < 0.03, "{integrator}, {slot}: {way} m");
+        }
+    }
+}
+
+/// In a plane nothing can step aside: a rope that falls, and crosses one that is held, falls past it from edge to edge.
+#[test]
+fn ropes_that_cross_in_a_plane_fall_past_each_other() {
+    for integrator in SCHEMES.into_iter().chain([Integrator::VelocityVerlet, Integrator::RungeKutta4]) {
+        let mut solver = Solver::default();
+        let (radius, length, segments) = (0.005, 0.4, 8);
+        let rope = |from: Vec3, to: Vec3| {
+            let rope = Rope::between(from, to).with_segments(segments).with_radius(radius);
+            rope.with_material(ELASTIC).topology().unwrap()
+        };
+        let held = rope(Vec3::X * -0.2, Vec3::X * 0.2);
+        add_net(&mut solver, &held, Vec3::ZERO, &Vec::from_iter(0..=segments));
+        let falling = rope(Vec3::new(0.013, -0.5 * length, 0.0), Vec3::new(0.013, 0.5 * length, 0.0));
+        add_net(&mut solver, &falling, Vec3::ZERO, &[]);
+        let gravity = 9.81;
+        let settings = StepSettings { gravity: Vec3::NEG_Y * gravity, is_flat: true, ..settings(integrator) };
+        let ticks = 480;
+        for _ in 0..ticks {
+            solver.step(&settings);
+        }
+        let time = ticks as f32 * settings.time_step;
+        let fallen: f32 = (held.positions.len()..solver.particle_count())
+            .map(|slot| -solver.position(slot).y / falling.positions.len() as f32)
+            .sum();
+        // The last end, which does not cross any more, may be pushed off by the distance of contact.
+        let expected = 0.5 * gravity * time * time;
+        let tolerance = 2.0 * radius + gravity * time * settings.time_step;
+        assert!((fallen - expected).abs() < tolerance, "{integrator}: {fallen} m instead of {expected} m");
+    }
+}
+
+/// Two cloths in one place, of which one is held at its corners, may part. That stretches no spring by more than twice the distance of
+/// contact, whose energy they may have beside that of the fall; and they gain no more.
+#[test]
+fn nets_in_one_place_do_not_explode() {
+    for integrator in SCHEMES.into_iter().chain([Integrator::VelocityVerlet, Integrator::RungeKutta4]) {
+        let mut solver = Solver::default();
+        let (radius, cells) = (0.01, 6);
+        let cloth = Cloth::grid(Vec3::ZERO, Vec3::X * 0.4, Vec3::Z * 0.4, UVec2::splat(cells));
+        let topology = cloth.with_radius(radius).with_material(SOFT).topology().unwrap();
+        let corners = [0, cells, (cells + 1) * cells, (cells + 1) * (cells + 1) - 1];
+        add_net(&mut solver, &topology, Vec3::ZERO, &corners);
+        add_net(&mut solver, &topology, Vec3::ZERO, &[]);
+        let stretch = 4.0 * radius;
+        let springs = (0..solver.spring_count()).map(|number| solver.spring(number).1.stiffness);
+        let parting = springs.map(|stiffness| 0.5 * stiffness * stretch * stretch).sum::<f32>();
+        let settings = StepSettings { gravity: Vec3::NEG_Y * 9.81, ..settings(integrator) };
+        let mass =
+            |slot: usize| if solver.inverse_mass(slot) > 0.0 { 1.0 / solver.inverse_mass(slot) } else { 0.0 };
+        let masses: Vec<f32> = (0..solver.particle_count()).map(mass).collect();
+        for tick in 0..2000 {
+            solver.step(&settings);
+            let (mut kinetic, mut fall) = (0.0, 0.0);
+            for (slot, velocity) in velocities(&solver).into_iter().enumerate() {
+                kinetic += 0.5 * masses[slot] * velocity.length_squared();
+                fall += masses[slot] * 9.81 * -solver.position(slot).y;
+            }
+            let most = parting + 1.05 * fall.max(0.0);
+            assert!(kinetic < most, "{integrator}, tick {tick}: {kinetic} J of {most} J");
         }
     }
 }

@@ -14,6 +14,7 @@ use bevy::math::Vec3A;
 use super::closest::Closest;
 use super::contact::COINCIDENT;
 use super::follow::DisplacementField;
+use super::gains::Gains;
 use super::pair::{CLOSE_PART, LEAST_PART, Ways};
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
@@ -77,17 +78,20 @@ pub(super) struct Advance {
     is_pushed: Vec<bool>,
     /// What goes along with pinned particles where nothing else ends.
     field: DisplacementField,
+    pub gains: Gains,
+    /// What loses of its gains: by slot, the part of its displacement that it goes.
+    losing: Vec<(u32, f32)>,
 }
 
 impl Advance {
     /// Stops the particles that would pass through something on the way from `start`; whether there were any. The number of the
-    /// `attempt` in the substep counts from 0.
+    /// `attempt` in the substep counts from 0. `loses` says whether they lose what they have gained.
     pub fn stop(
         &mut self,
         (search, on_mesh): (&Search, &[bool]),
         start: &Vectors,
         particles: &mut Particles,
-        attempt: u32,
+        (attempt, loses): (u32, bool),
     ) -> bool {
         self.find_tight(search, Moving { start, end: &particles.position, particles }, attempt);
         if self.tight.is_empty() {
@@ -104,19 +108,29 @@ impl Advance {
             Some(0) => return false,
             Some(_) => {}
             None => {
-                self.put_back(start, particles, on_mesh);
+                self.put_back(start, (particles, loses), on_mesh);
                 self.find_tight(search, Moving { start, end: &particles.position, particles }, attempt);
                 self.settle(search, start, particles, attempt);
             }
         }
         self.stop_velocities(search, particles);
+        if loses {
+            for pair in self.tight.iter().filter(|pair| pair.is_met) {
+                self.gains.join(search.candidates[pair.number as usize].slots, particles);
+            }
+        }
+        self.losing.clear();
         for slot in self.stopped.iter().map(|slot| *slot as usize) {
             // Some are listed more than once.
             let part = std::mem::replace(&mut self.parts[slot], 1.0);
             if part < 1.0 {
                 let [from, to] = [start.get(slot), particles.position.get(slot)];
                 particles.position.set(slot, if part == 0.0 { from } else { from + part * (to - from) });
+                self.losing.push((slot as u32, part));
             }
+        }
+        if loses && !self.losing.is_empty() {
+            self.gains.lose(particles, &self.losing);
         }
         true
     }
@@ -161,8 +175,14 @@ impl Advance {
     }
 
     /// Puts all surfaces and balls back to where they were, but for what goes along with pinned ones.
-    pub fn put_back(&mut self, start: &Vectors, particles: &mut Particles, on_mesh: &[bool]) {
-        let Self { field, parts, next, stopped, is_pushed, .. } = self;
+    pub fn put_back(
+        &mut self,
+        start: &Vectors,
+        (particles, loses): (&mut Particles, bool),
+        on_mesh: &[bool],
+    ) {
+        let Self { field, parts, next, stopped, is_pushed, gains, losing, .. } = self;
+        losing.clear();
         field.measure(start, particles, on_mesh);
         for slot in 0..particles.len() {
             if !may_stop(particles, on_mesh, slot) {
@@ -172,6 +192,24 @@ impl Advance {
             particles.position.set(slot, (place + field.at(place)).into());
             (parts[slot], next[slot], is_pushed[slot]) = (1.0, 1.0, true);
             stopped.push(slot as u32);
+            losing.push((slot as u32, 0.0));
+        }
+        if loses {
+            gains.join((0..particles.len() as u32).filter(|slot| on_mesh[*slot as usize]), particles);
+            gains.join(losing.iter().map(|(slot, _)| *slot), particles);
+            gains.lose(particles, losing);
+        }
+    }
+
+    /// Takes from the particles that were stopped in the last substep what they have gained since.
+    pub fn lose_gains(&mut self, particles: &mut Particles) {
+        self.stopped.sort_unstable();
+        self.stopped.dedup();
+        self.losing.clear();
+        let is_free = |slot: &&u32| !particles.is_pinned(**slot as usize);
+        self.losing.extend(self.stopped.iter().filter(is_free).map(|slot| (*slot, 0.0)));
+        if !self.losing.is_empty() {
+            self.gains.lose(particles, &self.losing);
         }
     }
 
@@ -184,6 +222,7 @@ impl Advance {
     pub fn clear(&mut self) {
         self.stopped.clear();
         self.is_pushed.clear();
+        self.gains.clear();
     }
 
     /// Lists the pairs that come too near on their ways, and those that are so near at the start that they would if one of them stopped.
@@ -194,7 +233,7 @@ impl Advance {
         for number in search.close.iter().copied() {
             let candidate = &search.candidates[number as usize];
             let most_near = (1.0 + CLOSE_PART) * LEAST_PART * candidate.largest_reach();
-            if candidate.least_distance(&search.moved) > most_near {
+            if candidate.least_distance(&search.moved) > most_near || search.crossings.exempt(candidate) {
                 continue;
             }
             let ways = candidate.ways(moving);

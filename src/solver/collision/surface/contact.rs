@@ -4,7 +4,7 @@ use bevy::math::{Vec3, Vec3A};
 
 use super::pair::{CLOSE_PART, Kind, Ways};
 use super::primitives::owns;
-use super::search::{Candidate, Moving};
+use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::PairRules;
 
@@ -60,8 +60,7 @@ pub(super) struct Examination<'a> {
     pub rules: PairRules,
     /// See [`skin_of`].
     pub skins: &'a [Skin],
-    /// By slot, the displacement of each vertex since the search: see [`super::search::Search::moved`].
-    pub moved: &'a [Vec<f32>; 2],
+    pub search: &'a Search,
     pub on_mesh: &'a [bool],
 }
 
@@ -155,8 +154,8 @@ impl Examination<'_> {
     /// How a pair meets, if its sides come within `slop` m of touching on the way.
     pub fn meeting(&self, candidate: &Candidate, slop: f32) -> Option<Meeting> {
         let largest = candidate.largest_reach();
-        let least = candidate.least_distance(self.moved);
-        if least.is_nan() || least > largest + slop {
+        let least = candidate.least_distance(&self.search.moved);
+        if least.is_nan() || least > largest + slop || self.search.crossings.exempt(candidate) {
             return None;
         }
         let ways = candidate.ways(self.moving);

@@ -28,8 +28,10 @@ mod advance;
 mod closest;
 mod confine;
 mod contact;
+mod crossing;
 mod finder;
 mod follow;
+mod gains;
 mod grip;
 mod near;
 mod pair;
@@ -123,6 +125,29 @@ impl Surfaces {
         if self.is_active {
             self.start.copy_from(&particles.position);
         }
+        self.begin_advance(particles);
+    }
+
+    /// To be called before the velocities of the particles change by forces.
+    pub fn begin_advance(&mut self, particles: &Particles) {
+        if self.is_active {
+            self.advance.gains.begin(particles);
+        }
+    }
+
+    /// To be called when they have, before any contacts of the substep are solved.
+    pub fn end_advance(&mut self, particles: &Particles) {
+        if self.is_active {
+            self.advance.gains.end(particles);
+        }
+    }
+
+    /// To be called when the velocities have changed by forces once more after the last substep.
+    pub fn end_tick(&mut self, particles: &mut Particles) {
+        if self.is_active {
+            self.advance.gains.end(particles);
+            self.advance.lose_gains(particles);
+        }
     }
 
     /// Number of the contacts of the last substep.
@@ -162,8 +187,8 @@ impl Surfaces {
         self.ensure(particles, (skins, rebound.slop));
         let Self { contacts, search, primitives, start, .. } = self;
         let moving = Moving { start, end: &particles.position, particles };
-        let (moved, on_mesh) = (&search.moved, &primitives.on_mesh[..]);
-        let examination = Examination { moving, acceleration, rebound, rules, skins, moved, on_mesh };
+        let on_mesh = &primitives.on_mesh[..];
+        let examination = Examination { moving, acceleration, rebound, rules, skins, search, on_mesh };
         let is_solved = |slot: &u32| {
             particles.is_pinned(*slot as usize) || is_implicit.get(*slot as usize) == Some(&true)
         };
@@ -229,24 +254,26 @@ impl Surfaces {
     }
 
     /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
-    pub fn stop_crossings(&mut self, particles: &mut Particles, skins: &[Skin]) -> bool {
+    ///
+    /// `is_implicit` says that an implicit step ends here, whose energy the caller watches.
+    pub fn stop_crossings(&mut self, particles: &mut Particles, skins: &[Skin], is_implicit: bool) -> bool {
         if !self.is_active {
             return false;
         }
         let mut any = false;
         for stop in 0..MAX_STOPS {
             if stop == MAX_STOPS / 2 {
-                self.advance.put_back(&self.start, particles, &self.primitives.on_mesh);
+                self.advance.put_back(&self.start, (particles, !is_implicit), &self.primitives.on_mesh);
             }
             // Where some stop and others go on they may meet what they would have gone along with.
             any |= self.ensure(particles, (skins, 0.0));
             let Self { advance, search, primitives, start, .. } = self;
-            if !advance.stop((search, &primitives.on_mesh), start, particles, stop) {
+            if !advance.stop((search, &primitives.on_mesh), start, particles, (stop, !is_implicit)) {
                 return any;
             }
             any = true;
         }
-        self.advance.put_back(&self.start, particles, &self.primitives.on_mesh);
+        self.advance.put_back(&self.start, (particles, !is_implicit), &self.primitives.on_mesh);
         true
     }
 

@@ -6,6 +6,7 @@
 
 use bevy::math::Vec3A;
 
+use super::crossing::Crossings;
 use super::finder::{Boxes, Finder, is_one_family};
 use super::pair::Kind;
 use super::primitives::Primitives;
@@ -77,6 +78,8 @@ pub(super) struct Search {
     limits: [f32; 2],
     /// How far from touching they are listed, m.
     listed_margin: f32,
+    /// Those of them at the start of the substep.
+    pub crossings: Crossings,
     /// The boxes of nodes, edges and triangles, with their body and in the world.
     nodes: [Vec<Box3>; 2],
     edges: [Vec<Box3>; 2],
@@ -156,6 +159,8 @@ impl Search {
                 self.measure_all(primitives, moving);
             }
         }
+        let Self { candidates, close, moved, crossings, .. } = self;
+        crossings.find(close.iter().map(|number| &candidates[*number as usize]), moved, moving);
     }
 
     /// Lists the candidates that may touch before any vertex is farther than the limits.

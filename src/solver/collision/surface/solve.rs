@@ -134,8 +134,9 @@ fn depth(contact: &Contact, bodies: &[Touching], of: impl Fn(&Touching) -> Vec3A
 
 /// What a contact that springs press keeps of its overlap at the start of the substep, m.
 fn kept_overlap(contact: &Contact, bodies: &[Touching]) -> f32 {
-    let kept = (1.0 - SPRUNG_CORRECTION) * depth(contact, bodies, |body| body.start);
-    kept.clamp(0.0, (1.0 - URGENT * LEAST_PART) * contact.reach)
+    let depth = depth(contact, bodies, |body| body.start);
+    let urgent = (URGENT * LEAST_PART * contact.reach).min(URGENT * (contact.reach - depth));
+    ((1.0 - SPRUNG_CORRECTION) * depth).clamp(0.0, contact.reach - urgent.max(0.0))
 }
 
 /// Parts the sides of a contact; whether they were nearer than the least distance. `is_urgent_only` leaves the others alone.

@@ -90,7 +90,7 @@ impl Surfaces {
             rebound,
             rules,
             skins,
-            moved: &search.moved,
+            search,
             on_mesh: &primitives.on_mesh,
         };
         let is_free = |slot: &&u32| !particles.is_pinned(**slot as usize);
