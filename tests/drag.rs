@@ -299,6 +299,8 @@ fn a_net_that_is_despawned_is_released() {
 fn in_two_dimensions_what_is_pulled_stays_on_its_layer() {
     let mut desk = Desk::new();
     desk.app.insert_resource(Dimensions::Two);
+    // On whatever layers they are, things collide in the plane.
+    desk.app.world_mut().resource_mut::<CollisionSettings>().particles = false;
     desk.app.world_mut().resource_mut::<Environment>().viscosity = 0.02;
     let layers = [0.75, -0.5];
     let nets = layers.map(|layer| {
