@@ -186,7 +186,8 @@ impl Spool {
         positions: &mut Vec<Vec3>,
         velocities: &mut Vec<Vec3>,
     ) {
-        let link = self.links[0];
+        let mut link = self.links[0];
+        link.spring.plasticity = link.spring.plasticity.map(|of| Plasticity { strain: 0.0, ..of });
         let [first, second] = [self.chain[0], self.chain[1]];
         let rod = self.rods.iter().flatten().next().map(|(_, rod)| *rod);
         let numbers = topology.positions.len() as u32..(topology.positions.len() + count) as u32;
@@ -328,7 +329,11 @@ impl Spool {
         for (place, link) in self.links.iter().enumerate() {
             let spring = &mut topology.springs[link.number as usize].1;
             let damping = if place > self.wound + 1 { link.spring.damping } else { 0.0 };
-            let plasticity = spring.plasticity;
+            // Held at both ends it is taken to where it comes out: that strains nothing.
+            let is_leaving = (outside..self.wound).contains(&place);
+            let own = link.spring.plasticity.filter(|_| !is_leaving);
+            let yield_strain = own.map_or(f32::MAX, |own| own.yield_strain);
+            let plasticity = spring.plasticity.map(|of| Plasticity { yield_strain, ..of });
             *spring = match place {
                 _ if place < outside => Spring { stiffness: 0.0, damping, rest_length: 0.0, ..link.spring },
                 _ if place == outside => link.of_length(first),
