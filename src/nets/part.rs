@@ -31,6 +31,14 @@ use crate::particle::ParticleVelocity;
 ///     let rope = commands.spawn((net, related!(Parts[(Part::End, Pinned)]))).id();
 ///     commands.entity(hand).with_child((PartOf(rope), Part::Start, Pinned));
 /// }
+/// // The same in a scene; see docs/nets.md for more.
+/// fn held() -> impl Scene {
+///     bsn! {
+///         #Hand
+///         Transform
+///         Children [ (#Rope Rope Parts [ Part::End Pinned ]), PartOf(#Rope) Part::Start Pinned ]
+///     }
+/// }
 /// ```
 #[derive(Component, VariantDefaults, Reflect, Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
