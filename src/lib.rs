@@ -92,7 +92,7 @@ pub mod prelude {
     pub use crate::nets::{
         Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
         Corner, Jelly, JellyMaterial, JellyShape, Part, PartOf, ParticleNet, Parts, Rope, RopeMaterial, Side,
-        Winch,
+        Winch, Yielding,
     };
     #[cfg(feature = "panel")]
     pub use crate::panel::MassSpringPanelPlugin;

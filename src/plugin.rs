@@ -12,7 +12,7 @@ use crate::collider::{
 use crate::environment::Environment;
 use crate::nets::{
     self, Attachment, Balloon, Breaking, Cloth, Jelly, Part, PartOf, PartState, ParticleNet, Parts, Rope,
-    Winch,
+    Winch, Yielding,
 };
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
 use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
@@ -127,7 +127,7 @@ fn register_types(app: &mut App) {
         .register_type::<(ColliderMotion, ColliderShape, ContactEvents, ContactLayers, ContactMaterial)>()
         .register_type::<(Environment, SolverSettings, SleepSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
-        .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Attachment, Winch)>()
+        .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Yielding, Attachment, Winch)>()
         .register_type::<(TickReport, SleepingParticles, SpringForces, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, crate::collider::ContactStarted, crate::collider::ContactEnded, ParticleFault, crate::diagnostics::Measurements)>();
 }

@@ -67,8 +67,8 @@ pub struct Plasticity {
     /// The largest plastic strain either way, finite and >= 0. Default 0. A spring is shortened by its whole rest
     /// length at most.
     pub max_strain: f32,
-    /// The plastic strain p, at most `max_strain` either way: without force the spring is (1 + p) rest lengths long.
-    /// Default 0; the simulation writes it when the spring has yielded.
+    /// The plastic strain p, finite and >= -1: without force the spring is (1 + p) rest lengths long. One beyond
+    /// `max_strain` can only come back. Default 0; the simulation writes it when the spring has yielded.
     pub strain: f32,
 }
 
@@ -161,10 +161,10 @@ impl Plasticity {
         let Self { yield_strain, max_strain, strain } = *self;
         parameter::non_negative("yield_strain", yield_strain)?;
         parameter::non_negative("max_strain", max_strain)?;
-        if (-max_strain.min(1.0)..=max_strain).contains(&strain) {
+        if strain.is_finite() && strain >= -1.0 {
             return Ok(());
         }
-        let expected = "a number within max_strain, and at least -1";
+        let expected = "a finite number >= -1";
         Err(InvalidParameter { field: "strain", value: format!("{strain:?}"), expected })
     }
 }

@@ -127,7 +127,8 @@ pub(super) fn draw_springs(
             }
             let (Some(first), Some(second)) = (net.place(*first), net.place(*second)) else { continue };
             let length = super::length([first, second], is_flat);
-            let color = gizmos.config_ext.color_of_stretch(spring.rest_length, spring.tension_only, length);
+            let color =
+                gizmos.config_ext.color_of_stretch(spring.length_at_rest(), spring.tension_only, length);
             gizmos.line(first, second, color);
         }
     }

@@ -37,7 +37,7 @@ use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 ///     ));
 /// }
 /// ```
-#[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
+#[derive(Component, FromTemplate, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

@@ -60,7 +60,7 @@ impl Breaking {
 
     /// The tension that a spring bears, N.
     pub(super) fn limit(&self, spring: &Spring) -> Option<f32> {
-        let of_strain = self.strain.map(|strain| spring.stiffness * spring.length_at_rest() * strain);
+        let of_strain = self.strain.map(|strain| spring.stiffness * spring.rest_length * strain);
         [of_strain, self.force].into_iter().flatten().reduce(f32::min)
     }
 }
@@ -86,16 +86,6 @@ impl ParticleNet {
     /// What its springs bear.
     pub(crate) fn breaking(&self) -> Breaking {
         self.breaking
-    }
-
-    /// A spring has another plastic strain by now.
-    pub(crate) fn yield_spring(&mut self, spring: u32, strain: f32) {
-        if let Some((_, spring)) = Arc::make_mut(&mut self.topology).springs.get_mut(spring as usize)
-            && let Some(plasticity) = &mut spring.plasticity
-        {
-            plasticity.strain = strain;
-            self.versions.touch_parameters();
-        }
     }
 
     /// Comes apart where springs broke.

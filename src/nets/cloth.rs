@@ -22,6 +22,7 @@ use crate::parameter;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[require(Transform)]
 pub struct Cloth {
     /// Topology: where it is laid out.
     pub shape: ClothShape,

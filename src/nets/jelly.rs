@@ -19,6 +19,7 @@ use crate::parameter;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[require(Transform)]
 pub struct Jelly {
     /// Topology: where it is laid out.
     pub shape: JellyShape,

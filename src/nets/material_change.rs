@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::{Breaking, ParticleNet, Topology};
+use super::{Breaking, ParticleNet, Topology, Yielding};
 use crate::solver::{Bend, Spring};
 
 impl ParticleNet {
@@ -18,10 +18,12 @@ impl ParticleNet {
             return false;
         }
         if self.is_as(old) {
-            let breaking = self.breaking;
             self.topology = Arc::clone(new);
-            if breaking != Breaking::default() {
-                self.give_breaking(breaking);
+            if self.breaking != Breaking::default() {
+                self.give_breaking(self.breaking);
+            }
+            if self.yielding != Yielding::default() {
+                self.give_yielding(self.yielding);
             }
         } else {
             let mut topology = (*self.topology).clone();
@@ -45,9 +47,12 @@ impl ParticleNet {
         true
     }
 
-    /// Whether nothing has happened to it since it was laid out so, but that it was given what it bears.
+    /// Whether nothing has happened to it since it was laid out so, but that it was given what it bears and how it yields.
     fn is_as(&self, laid_out: &Topology) -> bool {
-        let plain = |spring: &Spring| Spring { breaking_force: None, tears: false, ..*spring };
+        let plain = |spring: &Spring| {
+            let plasticity = spring.plasticity.filter(|plasticity| plasticity.strain != 0.0);
+            Spring { breaking_force: None, tears: false, plasticity, ..*spring }
+        };
         let Topology { springs, triangles, rods, hinges, .. } = &*self.topology;
         self.spool.is_none()
             && self.broken.is_empty()

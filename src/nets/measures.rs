@@ -47,7 +47,7 @@ impl ParticleNet {
         let separation = self.positions()[first].as_dvec3() - self.positions()[second].as_dvec3();
         let rate = (self.velocities()[first] - self.velocities()[second]).as_dvec3();
         let length = separation.length();
-        let beyond = length - f64::from(spring.rest_length);
+        let beyond = length - f64::from(spring.length_at_rest());
         if spring.tension_only && beyond <= 0.0 {
             return 0.0;
         }

@@ -37,6 +37,7 @@ mod validation;
 mod version;
 mod weld;
 mod winch;
+mod yielding;
 
 use crate::parameter::{self, InvalidParameter};
 
@@ -66,6 +67,7 @@ pub use topology::{Air, Layout, MeshBinding, Topology};
 pub use triangle_mesh::{MeshVertex, TriangleMesh};
 pub use validation::InvalidTopology;
 pub use winch::Winch;
+pub use yielding::Yielding;
 
 /// The number of cells of at most `spacing` along `length`, m. A length that is a multiple of the spacing but for its
 /// rounding is one.

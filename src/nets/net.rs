@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy::prelude::*;
 
 use super::version::Versions;
-use super::{Breaking, Spool, Topology};
+use super::{Breaking, Spool, Topology, Yielding};
 
 /// Many particles and what joins them, on one entity: a rope, a cloth, a jelly, a balloon.
 ///
@@ -44,6 +44,9 @@ pub struct ParticleNet {
     pub(super) tensions: Vec<f32>,
     /// What the springs were given by the component [`Breaking`].
     pub(super) breaking: Breaking,
+    /// What they were given by the component [`Yielding`].
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub(super) yielding: Yielding,
     /// What is known of the rope on a winch.
     pub(super) spool: Option<Box<Spool>>,
 }
@@ -108,7 +111,7 @@ impl ParticleNet {
         self.broken.retain(|spring| (*spring as usize) < topology.springs.len());
         self.parts = PartActions::default();
         self.tensions.clear();
-        (self.breaking, self.spool) = (Breaking::default(), None);
+        (self.breaking, self.yielding, self.spool) = (Breaking::default(), Yielding::default(), None);
         self.topology = topology;
         self.versions.touch_structure();
     }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use bevy::ecs::VariantDefaults;
 use bevy::ecs::entity::MapEntities;
 use bevy::prelude::*;
 
@@ -30,8 +31,16 @@ use crate::particle::ParticleVelocity;
 ///     let rope = commands.spawn((net, related!(Parts[(Part::End, Pinned)]))).id();
 ///     commands.entity(hand).with_child((PartOf(rope), Part::Start, Pinned));
 /// }
+/// // The same in a scene; see docs/nets.md for more.
+/// fn held() -> impl Scene {
+///     bsn! {
+///         #Hand
+///         Transform
+///         Children [ (#Rope Rope Parts [ Part::End Pinned ]), PartOf(#Rope) Part::Start Pinned ]
+///     }
+/// }
 /// ```
-#[derive(Component, Reflect, Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Component, VariantDefaults, Reflect, Debug, Clone, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
@@ -96,7 +105,7 @@ impl fmt::Display for Part {
 }
 
 /// The net of a [`Part`].
-#[derive(Component, Reflect, MapEntities, Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Component, FromTemplate, Reflect, MapEntities, Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

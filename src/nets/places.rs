@@ -5,12 +5,13 @@ use bevy::prelude::*;
 use super::{Layout, Topology};
 
 /// A side of a sheet, as seen from its front with its height upwards.
-#[derive(Reflect, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
-#[reflect(Debug, Clone, PartialEq, Hash)]
+#[reflect(Default, Debug, Clone, PartialEq, Hash)]
 pub enum Side {
     /// i = 0.
+    #[default]
     Left,
     /// i = nx.
     Right,
@@ -21,12 +22,13 @@ pub enum Side {
 }
 
 /// A corner of a sheet, as seen from its front with its height upwards.
-#[derive(Reflect, Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Reflect, Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
-#[reflect(Debug, Clone, PartialEq, Hash)]
+#[reflect(Default, Debug, Clone, PartialEq, Hash)]
 pub enum Corner {
     /// Where `Bottom` meets `Left`.
+    #[default]
     BottomLeft,
     /// Where `Bottom` meets `Right`.
     BottomRight,

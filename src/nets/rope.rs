@@ -22,6 +22,7 @@ use crate::solver::{Bend, Spring};
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[require(Transform)]
 pub struct Rope {
     /// Topology: the line along which it is laid out, corner by corner, m; its length is that of the rope. Default:
     /// 1 m straight down.

@@ -7,6 +7,9 @@
 //! change in the same proportion: the strain, and with it the tension, stay. The mass of the rope outside is that of
 //! its rest length.
 //!
+//! What has yielded outside stays so, and is wound up so: a link remembers the plastic strain of what of it is inside, and
+//! the first one outside has the mean of its rope.
+//!
 //! The dampers of the first two links are off: what is held moves otherwise than the rope that comes out there. Bends
 //! over the first link are off, too: the rope is hinged at the winch.
 
@@ -14,8 +17,8 @@ use std::ops::Range;
 
 use bevy::math::Vec3;
 
-use super::{Breaking, Layout, Topology};
-use crate::solver::{Bend, Spring};
+use super::{Breaking, Layout, Topology, Yielding};
+use crate::solver::{Bend, Plasticity, Spring};
 
 /// The first link is divided beyond this multiple of its full length.
 const LONGEST: f64 = 1.5;
@@ -76,6 +79,13 @@ impl Link {
         let stiffness = f64::from(self.spring.stiffness) * self.length() / length;
         Spring { rest_length: length as f32, stiffness: stiffness as f32, damping: 0.0, ..self.spring }
     }
+}
+
+/// Two lengths of rope as one: the mean of their plastic strains.
+fn mixed([one, other]: [(Option<Plasticity>, f64); 2]) -> Option<Plasticity> {
+    let strain = |plasticity: Option<Plasticity>| plasticity.map_or(0.0, |of| f64::from(of.strain));
+    let sum = one.1 * strain(one.0) + other.1 * strain(other.0);
+    one.0.or(other.0).map(|of| Plasticity { strain: (sum / (one.1 + other.1)) as f32, ..of })
 }
 
 impl Spool {
@@ -143,10 +153,13 @@ impl Spool {
         velocities: &mut [Vec3],
     ) {
         self.release(by / time_step, positions, velocities);
-        self.length = (self.length + by).max(self.min_length());
+        let length = (self.length + by).max(self.min_length());
+        self.feed(length - self.length, topology);
+        self.length = length;
         while self.first_length() < SHORTEST * self.links[self.wound].length()
             && self.wound + 2 < self.chain.len()
         {
+            self.merge(topology);
             self.wound += 1;
         }
         let mut first = self.first_length();
@@ -157,6 +170,9 @@ impl Spool {
             out += 1;
         }
         self.leaving = out;
+        // What is divided has the same strain in all its parts.
+        let divided = *self.plasticity_mut(self.wound, topology);
+        (1..=out).for_each(|link| *self.plasticity_mut(self.wound - link, topology) = divided);
         self.write(topology);
         self.place_held(positions, velocities, time_step as f32);
     }
@@ -170,7 +186,8 @@ impl Spool {
         positions: &mut Vec<Vec3>,
         velocities: &mut Vec<Vec3>,
     ) {
-        let link = self.links[0];
+        let mut link = self.links[0];
+        link.spring.plasticity = link.spring.plasticity.map(|of| Plasticity { strain: 0.0, ..of });
         let [first, second] = [self.chain[0], self.chain[1]];
         let rod = self.rods.iter().flatten().next().map(|(_, rod)| *rod);
         let numbers = topology.positions.len() as u32..(topology.positions.len() + count) as u32;
@@ -209,6 +226,36 @@ impl Spool {
             self.rods[place] = Some((topology.rods.len() as u32, rod));
             topology.rods.push((std::array::from_fn(|end| self.chain[place + end]), rod));
         }
+    }
+
+    /// How what is outside of a link yields, and how far it has.
+    fn plasticity_mut<'a>(&self, link: usize, topology: &'a mut Topology) -> &'a mut Option<Plasticity> {
+        &mut topology.springs[self.links[link].number as usize].1.plasticity
+    }
+
+    /// The plastic strain of the rope that comes out into the first link, `by` metres of it, or goes in.
+    fn feed(&mut self, by: f64, topology: &mut Topology) {
+        let first = self.first_length();
+        // The link of which a part is wound up at the winch, and how much of it.
+        let (mut link, mut inside) = (self.wound, self.links[self.wound].length() - first);
+        while link > 0 && (inside < 0.0 || inside == 0.0 && by > 0.0) {
+            link -= 1;
+            inside += self.links[link].length();
+        }
+        let outside = self.plasticity_mut(self.wound, topology);
+        let wound = &mut self.links[link].spring.plasticity;
+        if by > 0.0 {
+            *outside = mixed([(*outside, first), (*wound, by)]);
+        } else if by < 0.0 {
+            *wound = mixed([(*wound, inside.max(0.0)), (*outside, -by)]);
+        }
+    }
+
+    /// The first link becomes a part of the next one.
+    fn merge(&self, topology: &mut Topology) {
+        let first = (*self.plasticity_mut(self.wound, topology), self.first_length());
+        let next = self.plasticity_mut(self.wound + 1, topology);
+        *next = mixed([(*next, self.links[self.wound + 1].length()), first]);
     }
 
     /// The rest length of the first link outside, m.
@@ -256,6 +303,11 @@ impl Spool {
         }
     }
 
+    /// Gives the links their yield strains.
+    pub(super) fn give_yielding(&mut self, yielding: &Yielding) {
+        self.links.iter_mut().for_each(|Link { spring, .. }| spring.plasticity = yielding.of(spring));
+    }
+
     /// Gives the elements and masses other parameters, by their numbers and what they are.
     pub(super) fn change_material(
         &mut self,
@@ -277,7 +329,11 @@ impl Spool {
         for (place, link) in self.links.iter().enumerate() {
             let spring = &mut topology.springs[link.number as usize].1;
             let damping = if place > self.wound + 1 { link.spring.damping } else { 0.0 };
-            let plasticity = spring.plasticity;
+            // Held at both ends it is taken to where it comes out: that strains nothing.
+            let is_leaving = (outside..self.wound).contains(&place);
+            let own = link.spring.plasticity.filter(|_| !is_leaving);
+            let yield_strain = own.map_or(f32::MAX, |own| own.yield_strain);
+            let plasticity = spring.plasticity.map(|of| Plasticity { yield_strain, ..of });
             *spring = match place {
                 _ if place < outside => Spring { stiffness: 0.0, damping, rest_length: 0.0, ..link.spring },
                 _ if place == outside => link.of_length(first),

@@ -4,7 +4,8 @@ use bevy::math::Vec3;
 
 use super::Topology;
 use crate::parameter::{self, InvalidParameter};
-use crate::solver::{Bend, Spring, enclosed_volume};
+use crate::solver::{self, Bend, Spring, enclosed_volume};
+use crate::spring::Plasticity;
 
 /// Why a [`Topology`] is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -129,7 +130,12 @@ fn check_spring(spring: &Spring) -> Result<(), InvalidParameter> {
     parameter::non_negative("rest_length", spring.rest_length)?;
     parameter::non_negative("stiffness", spring.stiffness)?;
     parameter::non_negative("damping", spring.damping)?;
-    spring.max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))
+    spring.max_stretch.map_or(Ok(()), |limit| parameter::non_negative("max_stretch", limit))?;
+    spring.breaking_force.map_or(Ok(()), |force| parameter::non_negative("breaking_force", force))?;
+    let Some(solver::Plasticity { yield_strain, max_strain, strain }) = spring.plasticity else {
+        return Ok(());
+    };
+    Plasticity { yield_strain, max_strain, strain }.validate()
 }
 
 fn check_bend<const N: usize>(bend: &Bend<N>) -> Result<(), InvalidParameter> {

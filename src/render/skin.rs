@@ -20,7 +20,7 @@ use crate::nets::{ParticleNet, Topology};
 /// drawn itself.
 ///
 /// A skin does not tear.
-#[derive(Component, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
+#[derive(Component, FromTemplate, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

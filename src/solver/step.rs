@@ -134,7 +134,17 @@ pub(crate) fn step(
             let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
             caches.stop_crossings(state, inputs, (settings, duration), (step, have_touched));
         }
-        caches.fail(state, outputs, (settings, plan), (index, duration));
+        state.releases.iter_mut().for_each(|release| release.time_left -= duration);
+        if caches.failures.any() {
+            let has_ramps = state.elements.any_ramps();
+            if has_ramps {
+                state.elements.ramp_to(elapsed);
+            }
+            caches.fail(state, outputs, (settings, plan), index);
+            if has_ramps {
+                state.elements.ramp_to(1.0);
+            }
+        }
     }
     caches.correct_velocities(state, inputs, outputs, settings, duration);
     caches.end_tick(state, plan);
@@ -227,12 +237,8 @@ impl Caches {
         state: &mut State,
         outputs: &mut Outputs,
         (settings, plan): (&StepSettings, Plan),
-        (index, substep): (u32, f32),
+        index: u32,
     ) {
-        state.releases.iter_mut().for_each(|release| release.time_left -= substep);
-        if !self.failures.any() {
-            return;
-        }
         let ends_step = plan.begins_implicit_step(index + 1);
         self.read_solved_tensions(if ends_step { plan } else { Plan::default() }, state.elements.len());
         self.failures.measure_reach(&state.elements, &state.particles);

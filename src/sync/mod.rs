@@ -119,6 +119,7 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                     (
                         change_materials,
                         nets::give_breaking,
+                        nets::give_yielding,
                         nets::gather_parts,
                         nets::tie_attachments.run_if(nets::any_untied),
                         nets::turn_winches.run_if(any_with_component::<Winch>),

@@ -4,7 +4,7 @@ use bevy::ecs::entity::{EntityHashSet, EntityMapper, MapEntities};
 use bevy::prelude::*;
 
 use crate::collider::{ColliderMotion, ContactLayers, ContactMaterial};
-use crate::nets::{Breaking, Winch};
+use crate::nets::{Breaking, Winch, Yielding};
 
 macro_rules! define_options {
     ($($name:ident: $component:ty),*) => {
@@ -50,7 +50,8 @@ define_options!(
     layers: ContactLayers,
     motion: ColliderMotion,
     breaking: Breaking,
-    winch: Winch
+    winch: Winch,
+    yielding: Yielding
 );
 
 /// The optional components of the entities of a snapshot.

@@ -98,8 +98,8 @@ impl Snapshot {
     ///
     /// Masses, radii, positions, velocities, forces, pins, the parameters of springs and bends, the place and parameters of
     /// colliders, and what they all have of [`ContactMaterial`](crate::ContactMaterial),
-    /// [`ContactLayers`](crate::ContactLayers), [`ColliderMotion`](crate::ColliderMotion), [`Breaking`](crate::nets::Breaking) and
-    /// [`Winch`](crate::nets::Winch) return to what they were; particles that were quarantined and springs that broke
+    /// [`ContactLayers`](crate::ContactLayers), [`ColliderMotion`](crate::ColliderMotion), [`Breaking`](crate::nets::Breaking),
+    /// [`Yielding`](crate::nets::Yielding) and [`Winch`](crate::nets::Winch) return to what they were; particles that were quarantined and springs that broke
     /// since come back. The `Transform`s of parents are the app's to put back. Entities that were despawned stay so. Entities that were spawned since keep their components and join as if they had just been
     /// spawned.
     ///

@@ -25,8 +25,8 @@ use super::registry::{Registry, Slot};
 /// Rollback libraries and save games store a clone of it together with the components [`Particle`],
 /// [`ParticleVelocity`](crate::ParticleVelocity), [`Pinned`](crate::Pinned), [`AppliedForce`](crate::AppliedForce),
 /// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`Bend`],
-/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`Breaking`](crate::nets::Breaking), [`Winch`](crate::nets::Winch),
-/// [`ParticleCollider`], [`ColliderMotion`](crate::ColliderMotion), [`ContactMaterial`](crate::ContactMaterial),
+/// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`Breaking`](crate::nets::Breaking),
+/// [`Yielding`](crate::nets::Yielding), [`Winch`](crate::nets::Winch), [`ParticleCollider`], [`ColliderMotion`](crate::ColliderMotion), [`ContactMaterial`](crate::ContactMaterial),
 /// [`ContactLayers`](crate::ContactLayers) and `Transform` (that of parents, too). With all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).

@@ -289,3 +289,33 @@ fn a_bad_value_of_a_net_is_named_with_net_and_number() {
     assert_eq!((report(&app).faults, report(&app).springs), (0, 13));
     assert_eq!(hash(&app, &chain), undisturbed(25));
 }
+
+/// What a net bears and how it yields: a bad value is named once each time that it is written, and the ones before stay.
+#[test]
+fn bad_strengths_of_nets_are_named_once() {
+    let logged = Logged::start();
+    let mut app = app();
+    let strengths =
+        (Breaking { force: Some(1e3), ..default() }, Yielding { strain: Some(0.1), max_strain: None });
+    let rope = app.world_mut().spawn((Rope::new(1.0), Transform::from_xyz(0.0, 9.0, 0.0), strengths)).id();
+    run(&mut app, 3);
+    logged.assert_silent();
+    for max_strain in [-0.5, f32::NAN] {
+        app.world_mut().entity_mut(rope).insert(Yielding { strain: Some(0.1), max_strain: Some(max_strain) });
+        run(&mut app, 5);
+        assert_names(&logged.take_one(), rope, &["Yielding", "max_strain", &format!("{max_strain:?}")]);
+    }
+    app.world_mut().entity_mut(rope).insert(Breaking { force: None, strain: Some(-2.0) });
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), rope, &["Breaking", "strain", "-2.0"]);
+    app.world_mut().entity_mut(rope).insert(Yielding { strain: Some(f32::INFINITY), max_strain: None });
+    run(&mut app, 5);
+    assert_names(&logged.take_one(), rope, &["Yielding", "strain", "inf"]);
+    let (_, spring) = app.world().get::<ParticleNet>(rope).unwrap().topology().springs[0];
+    assert_eq!((spring.breaking_force, spring.plasticity.unwrap().yield_strain), (Some(1e3), 0.1));
+    app.world_mut().entity_mut(rope).insert(Yielding { strain: Some(0.2), max_strain: None });
+    run(&mut app, 5);
+    logged.assert_silent();
+    let (_, spring) = app.world().get::<ParticleNet>(rope).unwrap().topology().springs[0];
+    assert_eq!(spring.plasticity.unwrap().yield_strain, 0.2);
+}

@@ -9,6 +9,8 @@ mod attachments;
 mod bend_entities;
 mod bends;
 mod breaking;
+#[cfg(feature = "scene")]
+mod bsn;
 mod cables;
 mod caches;
 mod capstan;
@@ -73,3 +75,4 @@ mod trampoline;
 mod turning;
 mod waking;
 mod winch;
+mod yielding;

@@ -16,7 +16,8 @@ pub struct Plasticity {
     pub yield_strain: f32,
     /// The largest plastic strain either way, finite and >= 0. A spring is shortened by its whole rest length at most.
     pub max_strain: f32,
-    /// The present plastic strain p: without force the spring is (1 + p) rest lengths long. The solver changes it.
+    /// The present plastic strain p, finite and >= -1: without force the spring is (1 + p) rest lengths long. The
+    /// solver changes it. One that is beyond `max_strain` can only come back.
     pub strain: f32,
 }
 
@@ -28,12 +29,13 @@ impl Plasticity {
     fn returned(self, stretch: f64, tension_only: bool) -> f32 {
         let [yield_strain, max_strain, strain] =
             [self.yield_strain, self.max_strain, self.strain].map(f64::from);
+        let limits = [strain.min(-max_strain.min(1.0)), strain.max(max_strain)];
         let trial = stretch - strain;
         let beyond = trial.abs() - yield_strain;
         if beyond <= 0.0 || (tension_only && trial < 0.0) {
             return self.strain;
         }
-        (strain + beyond.copysign(trial)).clamp(-max_strain.min(1.0), max_strain) as f32
+        (strain + beyond.copysign(trial)).clamp(limits[0], limits[1]) as f32
     }
 }
 
@@ -45,6 +47,22 @@ impl Spring {
             Some(Plasticity { strain, .. }) => self.rest_length * (1.0 + strain),
             None => self.rest_length,
         }
+    }
+
+    /// The plasticity on the way from this spring to another one, which has gone by `share` and has this rest length: the
+    /// length without force goes evenly.
+    pub(super) fn plasticity_between(
+        &self,
+        other: &Self,
+        share: f32,
+        rest_length: f32,
+    ) -> Option<Plasticity> {
+        let (Some(from), Some(to)) = (self.plasticity, other.plasticity) else { return other.plasticity };
+        if from.strain == to.strain || rest_length == 0.0 {
+            return other.plasticity;
+        }
+        let [start, end] = [self.rest_length * from.strain, other.rest_length * to.strain];
+        Some(Plasticity { strain: ((start + share * (end - start)) / rest_length).max(-1.0), ..to })
     }
 
     /// The plastic strain that it has at this length, if it yields.
@@ -105,10 +123,16 @@ impl Elements {
         }
     }
 
-    /// Gives a spring another plastic strain within a tick.
+    /// Gives a spring another plastic strain within a tick. Where that is on a ramp the rest of the way stays as it is.
     pub(in crate::solver) fn deform_spring(&mut self, index: u32, strain: f32) {
+        let old =
+            self.springs.elements()[index as usize].plasticity.map_or(strain, |plasticity| plasticity.strain);
         self.springs.replace(index, |spring| {
-            spring.plasticity = spring.plasticity.map(|plasticity| Plasticity { strain, ..plasticity });
+            if let Some(plasticity) = &mut spring.plasticity {
+                let is_here = plasticity.strain == old;
+                plasticity.strain =
+                    if is_here { strain } else { (plasticity.strain + strain - old).max(-1.0) };
+            }
         });
         self.versions.all = Version::new();
     }
@@ -132,6 +156,11 @@ mod tests {
         assert_eq!(stretched.returned(0.125, false), 0.25);
         assert_eq!(stretched.returned(0.0, false), 0.125);
         assert_eq!(stretched.returned(2.0, false), 0.5, "the limit");
+        // A limit that was lowered: it goes no further, and comes back.
+        let limited = Plasticity { max_strain: 0.0625, ..stretched };
+        assert_eq!(limited.returned(2.0, false), 0.25);
+        assert_eq!(limited.returned(0.0, false), 0.125);
+        assert_eq!(limited.returned(-2.0, false), -0.0625);
     }
 
     #[test]
@@ -146,5 +175,18 @@ mod tests {
         assert_eq!(yielded.tension(bevy::math::DVec3::X * 3.0, bevy::math::DVec3::ZERO), 25.0);
         assert_eq!(yielded.yielded(3.0), None);
         assert_eq!(Spring { rest_length: 0.0, ..wire }.yielded(3.0), None);
+    }
+
+    #[test]
+    fn the_length_without_force_goes_evenly_to_another_one() {
+        use crate::solver::elements::Element;
+        let of = |rest_length, strain| {
+            let plasticity = Some(Plasticity { strain, ..WIRE });
+            Spring { rest_length, stiffness: 1.0, plasticity, ..Spring::default() }
+        };
+        let [from, to] = [of(1.0, 0.5), of(2.0, 0.25)];
+        let halfway = from.between(&to, 0.5);
+        assert_eq!((halfway.rest_length, halfway.length_at_rest()), (1.5, 2.0));
+        assert_eq!(from.between(&of(2.0, 0.5), 0.5).plasticity, from.plasticity);
     }
 }

@@ -112,10 +112,12 @@ impl Element<2> for Spring {
 
     fn between(&self, other: &Self, share: f32) -> Self {
         let mix = |from: f32, to: f32| from + share * (to - from);
+        let rest_length = mix(self.rest_length, other.rest_length);
         Self {
-            rest_length: mix(self.rest_length, other.rest_length),
+            rest_length,
             stiffness: mix(self.stiffness, other.stiffness),
             damping: mix(self.damping, other.damping),
+            plasticity: self.plasticity_between(other, share, rest_length),
             ..*other
         }
     }

@@ -131,7 +131,8 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
         self.ramps.sort_by_key(|ramp| ramp.index);
         self.ramps.dedup_by_key(|ramp| ramp.index);
         self.ramps.iter_mut().for_each(|ramp| ramp.to = self.elements[ramp.index as usize]);
-        self.ramps.retain(|ramp| ramp.from.acts() && ramp.to.acts() && ramp.from != ramp.to);
+        // Nor has what only changes in that it bears more, or less.
+        self.ramps.retain(|ramp| ramp.from.acts() && ramp.to.acts() && ramp.at(0.0) != ramp.to);
     }
 
     /// Gives the elements on ramps the parameters that they have when `share` of the tick is done.

@@ -194,7 +194,7 @@ impl State {
 
     /// Gives the elements of a net these parameters. `slot_of` has the slot of each particle, `is_absent` says which
     /// particles are out of the simulation and `is_broken` which springs are. `false`, and nothing is changed, if they
-    /// join other particles. What has yielded stays so.
+    /// join other particles.
     pub(crate) fn set_net(
         &mut self,
         ranges: &NetRanges,
@@ -216,7 +216,7 @@ impl State {
             if is_broken(number) || wanted.springs[number].0.iter().any(|end| is_absent(*end)) {
                 return *old;
             }
-            yielded_as(*new, old)
+            *new
         };
         let merge_rods = |number: usize, old: &Bend<3>, new: &Bend<3>| {
             if wanted.rods[number].0.iter().any(|end| is_absent(*end)) { *old } else { *new }
@@ -267,14 +267,10 @@ impl State {
     /// Springs of a net that was added anew go on from what they were when the last tick ended.
     pub(crate) fn set_past_net(&mut self, ranges: &NetRanges, past: &[Spring]) {
         for (index, past) in ranges.springs.clone().zip(past) {
-            let Some(present) = self.spring(index).copied().filter(|present| present != past) else {
+            if self.spring(index).is_none_or(|present| present == past) {
                 continue;
-            };
-            let yielded = yielded_as(present, past);
-            self.set_spring(index, yielded);
-            if yielded != *past {
-                self.set_past_spring(index, *past);
             }
+            self.set_past_spring(index, *past);
         }
     }
 
@@ -282,12 +278,4 @@ impl State {
     pub(crate) fn springs_into(&self, ranges: &NetRanges, is_in: impl Fn(u32) -> bool) -> Vec<usize> {
         self.elements.springs_into(is_in, &ranges.springs)
     }
-}
-
-/// The spring with the plastic strain of another one.
-fn yielded_as(mut spring: Spring, other: &Spring) -> Spring {
-    if let (Some(own), Some(other)) = (&mut spring.plasticity, other.plasticity) {
-        own.strain = other.strain;
-    }
-    spring
 }

@@ -4,23 +4,35 @@ use bevy::prelude::*;
 
 use super::super::state::{MassSpringState, Warnings};
 use super::registry::NetPlace;
-use crate::nets::{Breaking, Damage, Part, PartOf, ParticleNet, Rupture, Winch};
+use crate::nets::{Breaking, Damage, Part, PartOf, ParticleNet, Rupture, Winch, Yielding};
 use crate::particle::Pinned;
 use crate::report::{Broke, TickReport};
 use crate::solver;
 
 /// Before the arrays are copied: gives the springs of nets what they bear.
-pub(in crate::sync) fn give_breaking(
-    mut nets: Query<(Entity, &mut ParticleNet, &Breaking)>,
-    mut warnings: ResMut<Warnings>,
-) {
+pub(in crate::sync) fn give_breaking(mut nets: Query<(Entity, &mut ParticleNet, Ref<Breaking>)>) {
     for (entity, mut net, breaking) in &mut nets {
         if net.breaking() == *breaking {
             continue;
         }
         match breaking.validate() {
             Ok(()) => net.give_breaking(*breaking),
-            Err(problem) => warnings.warn_once(entity, format_args!("Breaking of net {entity}: {problem}")),
+            Err(problem) if breaking.is_changed() => log::warn!("Breaking of net {entity}: {problem}"),
+            Err(_) => {}
+        }
+    }
+}
+
+/// Before the arrays are copied: gives the springs of nets their yield strains.
+pub(in crate::sync) fn give_yielding(mut nets: Query<(Entity, &mut ParticleNet, Ref<Yielding>)>) {
+    for (entity, mut net, yielding) in &mut nets {
+        if net.yielding() == *yielding {
+            continue;
+        }
+        match yielding.validate() {
+            Ok(()) => net.give_yielding(*yielding),
+            Err(problem) if yielding.is_changed() => log::warn!("Yielding of net {entity}: {problem}"),
+            Err(_) => {}
         }
     }
 }

@@ -12,7 +12,7 @@ mod registry;
 mod scatter;
 
 pub(super) use attach::{any_untied, retie, tie_attachments, untie};
-pub(super) use failure::{give_breaking, turn_winches};
+pub(super) use failure::{give_breaking, give_yielding, turn_winches};
 pub(super) use gather::{GatheredNets, gather_nets};
 pub(super) use parts::{gather_parts, note_despawned_part, relink_part, scatter_parts, unlink_part};
 pub(super) use place::NetData;
