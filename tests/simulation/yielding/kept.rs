@@ -79,7 +79,7 @@ fn a_rope_yields_as_far_as_its_limit() {
             }
             let found = strains(net(&app, rope).topology());
             assert!(found.iter().all(|strain| *strain == limit), "{scheme_of:?}, {force} N: {found:?}");
-            let length = net(&app, rope).length().unwrap() as f32;
+            let length = net(&app, rope).length().unwrap();
             let expected = 1.0 + limit + force / EA;
             assert!((length - expected).abs() < 1e-3, "{scheme_of:?}, {force} N: {length} m, {expected}");
         }
