@@ -33,7 +33,10 @@ impl PinnedMotions<'_> {
         for &PinnedMotion { slot, start, target } in self.motions {
             let position = if self.elapsed == 1.0 { target } else { start.lerp(target, self.elapsed) };
             particles.position.set(slot, position);
-            particles.velocity.set(slot, (target - start) / self.time_step);
+            let way = target - start;
+            // Zero divided is zero: most stand still, and a division takes long.
+            let velocity = if way == Vec3::ZERO { way } else { way / self.time_step };
+            particles.velocity.set(slot, velocity);
         }
     }
 }

@@ -8,15 +8,32 @@ use crate::solver::elements::{Spring, Table, for_each_kind};
 /// Runs shorter than this are loose: a vector would not be filled.
 pub(in crate::solver) const MIN_RUN: usize = 8;
 
-/// Springs whose lower ends are consecutive slots, and whose upper ends are too.
-#[derive(Debug, Clone, Copy)]
+/// Springs of a run that are computed before their forces are added: enough that the additions do not wait for the
+/// stores of those before.
+const CHUNK: usize = 64;
+
+/// Runs that are one chunk each are joined to one of up to this number of places.
+pub(in crate::solver) const MAX_JOINED: usize = 256;
+
+/// Places between two runs, at most, for which they are joined: what is computed there for nothing costs less than a
+/// run of its own.
+const MAX_HOLE: u32 = MIN_RUN as u32;
+
+/// In place of a spring where there is none.
+pub(super) const NO_SPRING: u32 = u32::MAX;
+
+/// Springs whose lower ends are consecutive slots, and whose upper ends are too, with holes where there is none: as from
+/// one short rope to the next, or between the rows of a small cloth.
+#[derive(Debug, Clone)]
 pub(in crate::solver) struct Run {
     /// The first of the lower slots.
     pub lower: u32,
     /// The first of the upper slots.
     pub upper: u32,
-    /// Number of springs.
+    /// Number of springs and holes.
     pub count: u32,
+    /// The places at which there is no spring. A run with holes is one chunk.
+    pub holes: Vec<Range<u32>>,
     /// Where their parameters begin in the block.
     pub start: u32,
     /// Whether the block owns the lower and the upper ends.
@@ -57,7 +74,7 @@ pub(in crate::solver) struct Block {
     pub rest_length: Vec<f32>,
     pub stiffness: Vec<f32>,
     pub damping: Vec<f32>,
-    /// The springs in runs, then the loose ones.
+    /// The springs in runs, with [`NO_SPRING`] in holes, then the loose ones.
     pub springs: Vec<u32>,
     pub bends: BendRuns,
     pub loose: LooseElements,
@@ -79,6 +96,30 @@ pub(super) enum Owned {
     Both,
     Lower,
     Upper,
+}
+
+impl Run {
+    /// Number of springs that the kernel computes at a time, from the one numbered `done` on. In which order forces are
+    /// added depends on this.
+    pub fn chunk_from(&self, done: usize) -> usize {
+        let left = self.count as usize - done;
+        // What is left after a chunk fills a vector, or there is none.
+        if left < CHUNK + MIN_RUN || !self.holes.is_empty() { left } else { CHUNK }
+    }
+
+    /// Number of places between this run and the next, if both may be one: each is a chunk, and no particle has forces
+    /// of both, so that none are added in another order.
+    fn hole_before(&self, next: &Self) -> Option<u32> {
+        let is_alike = self.owned == [true; 2]
+            && (self.owned, self.tension_only) == (next.owned, next.tension_only)
+            && self.upper - self.lower == next.upper - next.lower;
+        let hole = next.lower.checked_sub(self.lower + self.count).filter(|_| is_alike)?;
+        let offset = self.upper - self.lower;
+        let count = self.count + hole + next.count;
+        let are_chunks = [self, next].iter().all(|run| run.chunk_from(0) == run.count as usize);
+        let fits = are_chunks && count as usize <= MAX_JOINED;
+        (fits && (offset..=MAX_HOLE).contains(&hole)).then_some(hole)
+    }
 }
 
 impl Block {
@@ -116,10 +157,11 @@ impl Block {
             let Entry { owned, offset, lower, .. } = group[0];
             let first = material(&group[0]);
             let is_uniform = group.iter().all(|entry| material(entry) == first);
-            self.runs.push(Run {
+            self.begin_run(Run {
                 lower,
                 upper: lower + offset,
                 count: group.len() as u32,
+                holes: Vec::new(),
                 start: self.springs.len() as u32,
                 owned: [owned != Owned::Upper, owned != Owned::Lower],
                 tension_only: spring_of(&group[0]).tension_only,
@@ -139,5 +181,22 @@ impl Block {
             });
             self.springs.push(spring);
         }
+    }
+
+    /// Lists a run, of which the parameters come next, or joins it to the last one.
+    fn begin_run(&mut self, run: Run) {
+        let last = self.runs.last_mut();
+        let Some((last, hole)) = last.and_then(|last| last.hole_before(&run).map(|hole| (last, hole))) else {
+            self.runs.push(run);
+            return;
+        };
+        last.holes.push(last.count..last.count + hole);
+        last.count += hole + run.count;
+        last.material = last.material.filter(|material| run.material == Some(*material));
+        let places = self.springs.len() + hole as usize;
+        self.springs.resize(places, NO_SPRING);
+        [&mut self.rest_length, &mut self.stiffness, &mut self.damping]
+            .into_iter()
+            .for_each(|numbers| numbers.resize(places, 0.0));
     }
 }

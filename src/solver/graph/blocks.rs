@@ -14,7 +14,7 @@
 use std::ops::Range;
 
 use super::bend_blocks::BendPlaces;
-use super::block::{Block, Entry, Loose, Owned};
+use super::block::{Block, Entry, Loose, NO_SPRING, Owned};
 use super::layout::Layout;
 use super::loose_blocks::LoosePlaces;
 use crate::solver::buckets::sort_by_number;
@@ -143,7 +143,8 @@ impl Blocks {
         });
         let among_loose = block.loose.springs.iter().zip(block.rest_length.len() as u32..);
         let among_loose = among_loose.filter(|(loose, _)| loose.ends.contains(&slot)).map(|(_, place)| place);
-        in_runs.chain(among_loose).map(|place| block.springs[place as usize] as usize).collect()
+        let places = in_runs.chain(among_loose).map(|place| block.springs[place as usize]);
+        places.filter(|spring| *spring != NO_SPRING).map(|spring| spring as usize).collect()
     }
 
     pub(super) fn block_of(&self, slot: u32) -> Option<usize> {
@@ -163,7 +164,8 @@ impl Blocks {
         self.places.resize(springs.sorted(), [None; 2]);
         for (number, entries) in self.sorted_entries(springs, &layout).into_iter().enumerate() {
             self.blocks[number].fill_runs(springs, &entries);
-            for (spring, index) in self.blocks[number].springs.iter().zip(0..) {
+            let springs = self.blocks[number].springs.iter().zip(0..);
+            for (spring, index) in springs.filter(|(spring, _)| **spring != NO_SPRING) {
                 let [first, second] = &mut self.places[*spring as usize];
                 let place = if first.is_none() { first } else { second };
                 *place = Some(Place { block: number as u32, index });
@@ -327,7 +329,8 @@ mod tests {
         };
         for block in &blocks.blocks {
             for run in &block.runs {
-                for at in 0..run.count {
+                let is_hole = |at: &u32| run.holes.iter().any(|hole| hole.contains(at));
+                for at in (0..run.count).filter(|at| !is_hole(at)) {
                     let rest_length = block.rest_length[(run.start + at) as usize];
                     list([run.lower + at, run.upper + at], run.owned, rest_length);
                 }

@@ -8,6 +8,7 @@
 mod accelerations;
 mod bends;
 mod in_air;
+mod springs;
 
 use crate::solver::field::Field;
 use crate::solver::graph::Blocks;
@@ -340,11 +341,17 @@ mod tests {
             Accelerate { block, motion: &motion, field: &FIELD, acceleration }.with_simd(pulp::Scalar::new());
         }
         assert_eq!(evaluated(&particles, &blocks), portable);
-        // Bends are work of their own.
+        // Springs and bends in runs are work of their own.
         let mut forces = [Vectors::default(), Vectors::default()];
         for (forces, is_portable) in forces.iter_mut().zip([true, false]) {
             forces.resize(particles.len());
             for (block, mut force) in blocks.blocks.iter().zip(blocks.split(forces.axes_mut())) {
+                let work = springs::AddSprings { block, motion: &motion, force: &mut force };
+                if is_portable {
+                    work.with_simd(pulp::Scalar::new())
+                } else {
+                    run(work)
+                }
                 let work = bends::AddBends { block, motion: &motion, force: &mut force };
                 if is_portable { work.with_simd(pulp::Scalar::new()) } else { run(work) }
             }
