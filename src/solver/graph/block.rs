@@ -13,7 +13,7 @@ pub(in crate::solver) const MIN_RUN: usize = 8;
 const CHUNK: usize = 64;
 
 /// Runs that are one chunk each are joined to one of up to this number of places.
-pub(in crate::solver) const MAX_JOINED: usize = 256;
+pub(in crate::solver) const MAX_JOINED: usize = 128;
 
 /// Places between two runs, at most, for which they are joined: what is computed there for nothing costs less than a
 /// run of its own.
@@ -59,6 +59,17 @@ macro_rules! define_loose {
         #[derive(Debug, Clone, Default)]
         pub(in crate::solver) struct LooseElements {
             $($(#[$meta])* pub $kind: Vec<Loose<$element, $ends>>,)*
+        }
+
+        impl LooseElements {
+            /// Whether the block owns all ends of all of them.
+            fn are_owned(&self) -> bool {
+                let mut are_owned = true;
+                $($(#[$meta])* {
+                    are_owned &= self.$kind.iter().all(|loose| loose.owned == [true; $ends]);
+                })*
+                are_owned
+            }
         }
     };
 }
@@ -123,6 +134,25 @@ impl Run {
 }
 
 impl Block {
+    /// Whether it owns all ends of its elements.
+    pub fn is_closed(&self) -> bool {
+        self.runs.iter().all(|run| run.owned == [true; 2]) && self.bends.are_owned() && self.loose.are_owned()
+    }
+
+    /// The springs that end in a slot.
+    pub fn springs_at(&self, slot: u32) -> Vec<usize> {
+        let in_runs = self.runs.iter().flat_map(|run| {
+            [run.lower, run.upper].into_iter().zip(run.owned).filter_map(move |(first, owned)| {
+                let at = slot.checked_sub(first).filter(|at| owned && *at < run.count)?;
+                Some(run.start + at)
+            })
+        });
+        let among_loose = self.loose.springs.iter().zip(self.rest_length.len() as u32..);
+        let among_loose = among_loose.filter(|(loose, _)| loose.ends.contains(&slot)).map(|(_, place)| place);
+        let places = in_runs.chain(among_loose).map(|place| self.springs[place as usize]);
+        places.filter(|spring| *spring != NO_SPRING).map(|spring| spring as usize).collect()
+    }
+
     pub(super) fn set_parameters(&mut self, index: usize, spring: Spring) {
         let Some(rest_length) = self.rest_length.get_mut(index) else {
             self.loose.springs[index - self.rest_length.len()].element = spring;
@@ -149,6 +179,10 @@ impl Block {
                 && spring_of(one).tension_only == spring_of(next).tension_only
         };
         let mut short: Vec<&Entry> = Vec::new();
+        [&mut self.rest_length, &mut self.stiffness, &mut self.damping]
+            .into_iter()
+            .for_each(|numbers| numbers.reserve(entries.len()));
+        self.springs.reserve(entries.len());
         for group in entries.chunk_by(consecutive) {
             if group.len() < MIN_RUN {
                 short.extend(group);
@@ -167,10 +201,13 @@ impl Block {
                 tension_only: spring_of(&group[0]).tension_only,
                 material: is_uniform.then_some(first),
             });
-            self.rest_length.extend(group.iter().map(|entry| spring_of(entry).length_at_rest()));
-            self.stiffness.extend(group.iter().map(|entry| spring_of(entry).stiffness));
-            self.damping.extend(group.iter().map(|entry| spring_of(entry).damping));
-            self.springs.extend(group.iter().map(|entry| entry.spring));
+            for entry in group {
+                let spring = spring_of(entry);
+                self.rest_length.push(spring.length_at_rest());
+                self.stiffness.push(spring.stiffness);
+                self.damping.push(spring.damping);
+                self.springs.push(entry.spring);
+            }
         }
         for entry in short {
             let Entry { owned, offset, lower, spring, .. } = *entry;

@@ -11,8 +11,6 @@
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
-use std::ops::Range;
-
 use super::bend_blocks::BendPlaces;
 use super::block::{Block, Entry, Loose, NO_SPRING, Owned};
 use super::layout::Layout;
@@ -35,6 +33,8 @@ pub(in crate::solver) struct Blocks {
     places: Vec<[Option<Place>; 2]>,
     pub(super) bend_places: BendPlaces,
     pub(super) loose_places: LoosePlaces,
+    /// Whether each block owns all ends of its elements.
+    are_closed: bool,
     particles: usize,
     version: Version,
     excluded: Version,
@@ -107,6 +107,11 @@ impl Blocks {
         self.blocks.len() > 1 && self.particles + self.places.len() >= MIN_SHARED
     }
 
+    /// Whether no element joins a block to what is not in it.
+    pub fn are_closed(&self) -> bool {
+        self.are_closed
+    }
+
     /// Number of springs in no run; those between two blocks count twice.
     pub fn loose_springs(&self) -> usize {
         self.blocks.iter().map(|block| block.loose.springs.len()).sum()
@@ -134,17 +139,7 @@ impl Blocks {
             let ends = springs.all_ends().iter().enumerate();
             return ends.filter(|(_, ends)| ends.contains(&(slot as u32))).map(|(index, _)| index).collect();
         };
-        let slot = slot as u32;
-        let in_runs = block.runs.iter().flat_map(|run| {
-            [run.lower, run.upper].into_iter().zip(run.owned).filter_map(move |(first, owned)| {
-                let at = slot.checked_sub(first).filter(|at| owned && *at < run.count)?;
-                Some(run.start + at)
-            })
-        });
-        let among_loose = block.loose.springs.iter().zip(block.rest_length.len() as u32..);
-        let among_loose = among_loose.filter(|(loose, _)| loose.ends.contains(&slot)).map(|(_, place)| place);
-        let places = in_runs.chain(among_loose).map(|place| block.springs[place as usize]);
-        places.filter(|spring| *spring != NO_SPRING).map(|spring| spring as usize).collect()
+        block.springs_at(slot as u32)
     }
 
     pub(super) fn block_of(&self, slot: u32) -> Option<usize> {
@@ -159,7 +154,8 @@ impl Blocks {
         self.particles = particles;
         self.ranges_version = Version::new();
         self.blocks.clear();
-        self.add_ranges(layout.ranges(particles), is_excluded);
+        let blocks = layout.pieces(particles, is_excluded).into_iter();
+        self.blocks.extend(blocks.map(|slots| Block { slots, ..Block::default() }));
         self.places.clear();
         self.places.resize(springs.sorted(), [None; 2]);
         for (number, entries) in self.sorted_entries(springs, &layout).into_iter().enumerate() {
@@ -180,29 +176,16 @@ impl Blocks {
         self.list_bends(elements, &layout);
         self.loose_places = LoosePlaces::default();
         self.list_loose(elements);
-    }
-
-    fn add_ranges(
-        &mut self,
-        ranges: impl Iterator<Item = Range<usize>>,
-        is_excluded: impl Fn(usize) -> bool,
-    ) {
-        for range in ranges {
-            let mut start = range.start;
-            for slot in range.clone().chain([range.end]) {
-                if slot == range.end || is_excluded(slot) {
-                    if start < slot {
-                        self.blocks.push(Block { slots: start..slot, ..Block::default() });
-                    }
-                    start = slot + 1;
-                }
-            }
-        }
+        self.are_closed = self.blocks.iter().all(Block::is_closed);
     }
 
     /// The springs of each block that may be in runs, sorted.
     fn sorted_entries(&self, springs: &Table<Spring, 2>, layout: &Layout) -> Vec<Vec<Entry>> {
-        let mut entries = vec![Vec::new(); self.blocks.len()];
+        // As many as fall on each by its part of the particles, and some more.
+        let per_particle = springs.sorted() as f32 / self.particles.max(1) as f32;
+        let capacity = |block: &Block| (1.1 * per_particle * block.slots.len() as f32) as usize;
+        let mut entries: Vec<_> =
+            self.blocks.iter().map(|block| Vec::with_capacity(capacity(block))).collect();
         let mut block = 0;
         // Ends lie close, and so do those of the next spring.
         let mut find = |slot: u32| {
@@ -293,6 +276,7 @@ impl Blocks {
         for (place, &block) in blocks.iter().enumerate() {
             let Some(number) = block.filter(|_| !blocks[..place].contains(&block)) else { continue };
             let owned = blocks.map(|other| other == block);
+            self.are_closed &= owned == [true; N];
             list(&mut self.blocks[number]).push(Loose { ends, owned, element });
             listed[place] = Some(number as u32);
         }

@@ -106,7 +106,7 @@ fn compute<const TENSION_ONLY: bool>(
     forces: &mut Forces,
     material: impl Fn(usize) -> [Lanes; 2],
 ) {
-    let (lower, upper) = (run.lower as usize + done, run.upper as usize + done);
+    let [lower, upper] = [run.lower, run.upper].map(|first| first as usize + done - motion.first);
     let rest_lengths = &block.rest_length[run.start as usize + done..][..chunk];
     // Slices of one length: the indices of vectors need no checks.
     let ends = [
