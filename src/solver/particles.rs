@@ -30,13 +30,20 @@ pub(super) struct PinnedMotions<'a> {
 impl PinnedMotions<'_> {
     /// Puts them there.
     pub fn apply(self, particles: &mut Particles) {
+        // Slices of one length: a slot is checked for all of them at once.
+        let (mut positions, mut velocities) = (particles.position.axes_mut(), particles.velocity.axes_mut());
+        let count = positions[0].len();
+        for axes in [&mut positions, &mut velocities] {
+            let [x, y, z] = std::mem::take(axes);
+            *axes = [&mut x[..count], &mut y[..count], &mut z[..count]];
+        }
         for &PinnedMotion { slot, start, target } in self.motions {
             let position = if self.elapsed == 1.0 { target } else { start.lerp(target, self.elapsed) };
-            particles.position.set(slot, position);
+            set(&mut positions, slot, position);
             let way = target - start;
             // Zero divided is zero: most stand still, and a division takes long.
             let velocity = if way == Vec3::ZERO { way } else { way / self.time_step };
-            particles.velocity.set(slot, velocity);
+            set(&mut velocities, slot, velocity);
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::bend_runs::BendRuns;
+use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{Spring, Table, for_each_kind};
 
 /// Runs shorter than this are loose: a vector would not be filled.
@@ -94,19 +95,46 @@ pub(in crate::solver) struct Block {
 /// A spring of a block, in the order of sorting.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
-    pub tile: u32,
-    pub owned: Owned,
+    /// What all springs of a run have in common, apart from the offset: the tile, and which ends the block owns.
+    group: u32,
     pub offset: u32,
     pub lower: u32,
     pub spring: u32,
 }
 
-/// Which ends of a spring a block owns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Owned {
-    Both,
-    Lower,
-    Upper,
+impl Entry {
+    /// A spring of a tile, its lower slot and its offset, and whether the block owns its lower and its upper end.
+    pub fn new(tile: u32, owned: [bool; 2], [lower, offset]: [u32; 2], spring: u32) -> Self {
+        let kind = match owned {
+            [true, true] => 0,
+            [true, false] => 1,
+            [false, _] => 2,
+        };
+        Self { group: 3 * tile + kind, offset, lower, spring }
+    }
+
+    fn owned(&self) -> [bool; 2] {
+        let kind = self.group % 3;
+        [kind != 2, kind != 1]
+    }
+
+    /// Sorts entries by the tile, the ends that the block owns, the offset and the slot; equal ones keep their order. `spare`
+    /// is working memory.
+    pub fn sort(entries: &mut Vec<Self>, spare: &mut Vec<Self>) {
+        sort_by_number(entries, spare, |entry| entry.lower);
+        let (mut groups, mut width) = ([u32::MAX, 0], 0);
+        for Self { group, offset, .. } in &*entries {
+            (groups, width) = ([groups[0].min(*group), groups[1].max(*group)], width.max(offset + 1));
+        }
+        let range = u64::from(groups[1].saturating_sub(groups[0]) + 1) * u64::from(width);
+        if range <= 4 * entries.len() as u64 {
+            // Few enough to be counted at once.
+            sort_by_number(entries, spare, |entry| (entry.group - groups[0]) * width + entry.offset);
+        } else {
+            sort_by_number(entries, spare, |entry| entry.offset);
+            sort_by_number(entries, spare, |entry| entry.group);
+        }
+    }
 }
 
 impl Run {
@@ -175,7 +203,7 @@ impl Block {
         let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
         let consecutive = |one: &Entry, next: &Entry| {
             one.lower + 1 == next.lower
-                && (one.tile, one.owned, one.offset) == (next.tile, next.owned, next.offset)
+                && (one.group, one.offset) == (next.group, next.offset)
                 && spring_of(one).tension_only == spring_of(next).tension_only
         };
         let mut short: Vec<&Entry> = Vec::new();
@@ -188,7 +216,7 @@ impl Block {
                 short.extend(group);
                 continue;
             }
-            let Entry { owned, offset, lower, .. } = group[0];
+            let Entry { offset, lower, .. } = group[0];
             let first = material(&group[0]);
             let is_uniform = group.iter().all(|entry| material(entry) == first);
             self.begin_run(Run {
@@ -197,7 +225,7 @@ impl Block {
                 count: group.len() as u32,
                 holes: Vec::new(),
                 start: self.springs.len() as u32,
-                owned: [owned != Owned::Upper, owned != Owned::Lower],
+                owned: group[0].owned(),
                 tension_only: spring_of(&group[0]).tension_only,
                 material: is_uniform.then_some(first),
             });
@@ -210,10 +238,10 @@ impl Block {
             }
         }
         for entry in short {
-            let Entry { owned, offset, lower, spring, .. } = *entry;
+            let Entry { offset, lower, spring, .. } = *entry;
             self.loose.springs.push(Loose {
                 ends: [lower, lower + offset],
-                owned: [owned != Owned::Upper, owned != Owned::Lower],
+                owned: entry.owned(),
                 element: *spring_of(entry),
             });
             self.springs.push(spring);

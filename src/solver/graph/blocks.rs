@@ -12,10 +12,9 @@
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
 use super::bend_blocks::BendPlaces;
-use super::block::{Block, Entry, Loose, NO_SPRING, Owned};
+use super::block::{Block, Entry, Loose, NO_SPRING};
 use super::layout::Layout;
 use super::loose_blocks::LoosePlaces;
-use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{Element, Elements, Spring, Table};
 use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
@@ -203,23 +202,18 @@ impl Blocks {
             let blocks = [find(lower), find(upper)];
             let mut add = |block: Option<usize>, slot, owned| {
                 let Some(block) = block else { return };
-                let tile = layout.tile_of(slot);
-                entries[block].push(Entry { tile, owned, offset, lower, spring: spring as u32 });
+                entries[block].push(Entry::new(layout.tile_of(slot), owned, [lower, offset], spring as u32));
             };
             if blocks[0] == blocks[1] {
-                add(blocks[0], lower, Owned::Both);
+                add(blocks[0], lower, [true; 2]);
             } else {
-                add(blocks[0], lower, Owned::Lower);
-                add(blocks[1], upper, Owned::Upper);
+                add(blocks[0], lower, [true, false]);
+                add(blocks[1], upper, [false, true]);
             }
         }
         let mut spare = Vec::new();
-        for entries in &mut entries {
-            // They are in the order of the springs: the last key.
-            sort_by_number(entries, &mut spare, |entry| entry.lower);
-            sort_by_number(entries, &mut spare, |entry| entry.offset);
-            sort_by_number(entries, &mut spare, |entry| 3 * entry.tile + entry.owned as u32);
-        }
+        // They are in the order of the springs: the last key.
+        entries.iter_mut().for_each(|entries| Entry::sort(entries, &mut spare));
         entries
     }
 
