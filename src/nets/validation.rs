@@ -127,6 +127,11 @@ fn check_all<T>(
 }
 
 fn check_spring(spring: &Spring) -> Result<(), InvalidParameter> {
+    // Nearly all are good; what is wrong with the others is found out below.
+    let numbers = [spring.rest_length, spring.stiffness, spring.damping];
+    if spring.max_stretch.is_none() && numbers.iter().all(|number| (0.0..f32::INFINITY).contains(number)) {
+        return Ok(());
+    }
     parameter::non_negative("rest_length", spring.rest_length)?;
     parameter::non_negative("stiffness", spring.stiffness)?;
     parameter::non_negative("damping", spring.damping)?;

@@ -30,10 +30,20 @@ pub(super) struct PinnedMotions<'a> {
 impl PinnedMotions<'_> {
     /// Puts them there.
     pub fn apply(self, particles: &mut Particles) {
+        // Slices of one length: a slot is checked for all of them at once.
+        let (mut positions, mut velocities) = (particles.position.axes_mut(), particles.velocity.axes_mut());
+        let count = positions[0].len();
+        for axes in [&mut positions, &mut velocities] {
+            let [x, y, z] = std::mem::take(axes);
+            *axes = [&mut x[..count], &mut y[..count], &mut z[..count]];
+        }
         for &PinnedMotion { slot, start, target } in self.motions {
             let position = if self.elapsed == 1.0 { target } else { start.lerp(target, self.elapsed) };
-            particles.position.set(slot, position);
-            particles.velocity.set(slot, (target - start) / self.time_step);
+            set(&mut positions, slot, position);
+            let way = target - start;
+            // Zero divided is zero: most stand still, and a division takes long.
+            let velocity = if way == Vec3::ZERO { way } else { way / self.time_step };
+            set(&mut velocities, slot, velocity);
         }
     }
 }
@@ -48,6 +58,9 @@ pub(crate) struct Particles {
     pub velocity: Vectors,
     /// The user's forces, N, constant over a tick.
     pub applied_force: Vectors,
+    /// Whether the tick that was begun last has found all of them zero.
+    #[cfg_attr(feature = "serialize", serde(skip))]
+    is_unpushed: bool,
     /// 0 of those that sleep.
     inverse_mass: Vec<f32>,
     own_inverse_mass: Vec<f32>,
@@ -92,6 +105,25 @@ impl Particles {
     /// Positions and velocities to be written, beside the inverse masses with which particles answer to forces.
     pub fn answers_mut(&mut self) -> (&mut Vectors, &mut Vectors, &[f32]) {
         (&mut self.position, &mut self.velocity, &self.inverse_mass)
+    }
+
+    /// The same with the applied forces before the inverse masses.
+    pub fn answers_to_forces_mut(&mut self) -> (&mut Vectors, &mut Vectors, &Vectors, &[f32]) {
+        (&mut self.position, &mut self.velocity, &self.applied_force, &self.inverse_mass)
+    }
+
+    /// Finds out whether any force is applied, for the tick that begins.
+    pub fn note_applied_forces(&mut self) {
+        let is_zero = |axis: &[f32]| {
+            // By pieces: where forces are applied, the first one is found soon.
+            axis.chunks(1024).all(|piece| piece.iter().fold(true, |all, force| all & (*force == 0.0)))
+        };
+        self.is_unpushed = self.applied_force.axes().into_iter().all(is_zero);
+    }
+
+    /// Whether it is known that all applied forces are zero in this tick.
+    pub fn is_unpushed(&self) -> bool {
+        self.is_unpushed
     }
 
     /// Whether no force moves the particle: it is pinned, or asleep.

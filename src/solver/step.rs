@@ -90,6 +90,7 @@ pub(crate) fn step(
     let plan = caches.plan_touching(state, settings, skins, plan);
     outputs.begin_tick(plan);
     caches.prepare(state, plan);
+    state.particles.note_applied_forces();
     for motion in &inputs.pinned {
         state.particles.position.set(motion.slot, motion.start);
         state.particles.velocity.set(motion.slot, (motion.target - motion.start) / settings.time_step);

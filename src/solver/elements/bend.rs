@@ -84,7 +84,11 @@ impl<const N: usize> Element<N> for Bend<N> {
 
     #[inline(always)]
     fn pull(&self, separation: Vec3, rate: Vec3) -> Vec3 {
-        Self::pull_of::<true, true>(self.material(), separation, rate)
+        let material @ [rest_length, _, damping] = self.material();
+        if rest_length == 0.0 && damping == 0.0 {
+            return Self::pull_of::<false, false>(material, separation, rate);
+        }
+        Self::pull_of::<true, true>(material, separation, rate)
     }
 
     fn energy(&self, separation: DVec3) -> f64 {

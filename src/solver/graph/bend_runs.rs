@@ -51,6 +51,17 @@ macro_rules! define_bend_runs {
         pub(in crate::solver) struct BendRuns {
             $($(#[$meta])* pub $kind: BendList<$ends>,)*
         }
+
+        impl BendRuns {
+            /// Whether the block owns all ends of all of them.
+            pub(super) fn are_owned(&self) -> bool {
+                let mut are_owned = true;
+                $($(#[$meta])* {
+                    are_owned &= self.$kind.runs.iter().all(|run| run.owned == [true; $ends]);
+                })*
+                are_owned
+            }
+        }
     };
 }
 for_each_bend!(define_bend_runs);

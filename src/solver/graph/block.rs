@@ -3,20 +3,38 @@
 use std::ops::Range;
 
 use super::bend_runs::BendRuns;
+use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{Spring, Table, for_each_kind};
 
 /// Runs shorter than this are loose: a vector would not be filled.
 pub(in crate::solver) const MIN_RUN: usize = 8;
 
-/// Springs whose lower ends are consecutive slots, and whose upper ends are too.
-#[derive(Debug, Clone, Copy)]
+/// Springs of a run that are computed before their forces are added: enough that the additions do not wait for the
+/// stores of those before.
+const CHUNK: usize = 64;
+
+/// Runs that are one chunk each are joined to one of up to this number of places.
+pub(in crate::solver) const MAX_JOINED: usize = 128;
+
+/// Places between two runs, at most, for which they are joined: what is computed there for nothing costs less than a
+/// run of its own.
+const MAX_HOLE: u32 = MIN_RUN as u32;
+
+/// In place of a spring where there is none.
+pub(super) const NO_SPRING: u32 = u32::MAX;
+
+/// Springs whose lower ends are consecutive slots, and whose upper ends are too, with holes where there is none: as from
+/// one short rope to the next, or between the rows of a small cloth.
+#[derive(Debug, Clone)]
 pub(in crate::solver) struct Run {
     /// The first of the lower slots.
     pub lower: u32,
     /// The first of the upper slots.
     pub upper: u32,
-    /// Number of springs.
+    /// Number of springs and holes.
     pub count: u32,
+    /// The places at which there is no spring. A run with holes is one chunk.
+    pub holes: Vec<Range<u32>>,
     /// Where their parameters begin in the block.
     pub start: u32,
     /// Whether the block owns the lower and the upper ends.
@@ -43,6 +61,17 @@ macro_rules! define_loose {
         pub(in crate::solver) struct LooseElements {
             $($(#[$meta])* pub $kind: Vec<Loose<$element, $ends>>,)*
         }
+
+        impl LooseElements {
+            /// Whether the block owns all ends of all of them.
+            fn are_owned(&self) -> bool {
+                let mut are_owned = true;
+                $($(#[$meta])* {
+                    are_owned &= self.$kind.iter().all(|loose| loose.owned == [true; $ends]);
+                })*
+                are_owned
+            }
+        }
     };
 }
 for_each_kind!(define_loose);
@@ -57,7 +86,7 @@ pub(in crate::solver) struct Block {
     pub rest_length: Vec<f32>,
     pub stiffness: Vec<f32>,
     pub damping: Vec<f32>,
-    /// The springs in runs, then the loose ones.
+    /// The springs in runs, with [`NO_SPRING`] in holes, then the loose ones.
     pub springs: Vec<u32>,
     pub bends: BendRuns,
     pub loose: LooseElements,
@@ -66,22 +95,92 @@ pub(in crate::solver) struct Block {
 /// A spring of a block, in the order of sorting.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
-    pub tile: u32,
-    pub owned: Owned,
+    /// What all springs of a run have in common, apart from the offset: the tile, and which ends the block owns.
+    group: u32,
     pub offset: u32,
     pub lower: u32,
     pub spring: u32,
 }
 
-/// Which ends of a spring a block owns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Owned {
-    Both,
-    Lower,
-    Upper,
+impl Entry {
+    /// A spring of a tile, its lower slot and its offset, and whether the block owns its lower and its upper end.
+    pub fn new(tile: u32, owned: [bool; 2], [lower, offset]: [u32; 2], spring: u32) -> Self {
+        let kind = match owned {
+            [true, true] => 0,
+            [true, false] => 1,
+            [false, _] => 2,
+        };
+        Self { group: 3 * tile + kind, offset, lower, spring }
+    }
+
+    fn owned(&self) -> [bool; 2] {
+        let kind = self.group % 3;
+        [kind != 2, kind != 1]
+    }
+
+    /// Sorts entries by the tile, the ends that the block owns, the offset and the slot; equal ones keep their order. `spare`
+    /// is working memory.
+    pub fn sort(entries: &mut Vec<Self>, spare: &mut Vec<Self>) {
+        sort_by_number(entries, spare, |entry| entry.lower);
+        let (mut groups, mut width) = ([u32::MAX, 0], 0);
+        for Self { group, offset, .. } in &*entries {
+            (groups, width) = ([groups[0].min(*group), groups[1].max(*group)], width.max(offset + 1));
+        }
+        let range = u64::from(groups[1].saturating_sub(groups[0]) + 1) * u64::from(width);
+        if range <= 4 * entries.len() as u64 {
+            // Few enough to be counted at once.
+            sort_by_number(entries, spare, |entry| (entry.group - groups[0]) * width + entry.offset);
+        } else {
+            sort_by_number(entries, spare, |entry| entry.offset);
+            sort_by_number(entries, spare, |entry| entry.group);
+        }
+    }
+}
+
+impl Run {
+    /// Number of springs that the kernel computes at a time, from the one numbered `done` on. In which order forces are
+    /// added depends on this.
+    pub fn chunk_from(&self, done: usize) -> usize {
+        let left = self.count as usize - done;
+        // What is left after a chunk fills a vector, or there is none.
+        if left < CHUNK + MIN_RUN || !self.holes.is_empty() { left } else { CHUNK }
+    }
+
+    /// Number of places between this run and the next, if both may be one: each is a chunk, and no particle has forces
+    /// of both, so that none are added in another order.
+    fn hole_before(&self, next: &Self) -> Option<u32> {
+        let is_alike = self.owned == [true; 2]
+            && (self.owned, self.tension_only) == (next.owned, next.tension_only)
+            && self.upper - self.lower == next.upper - next.lower;
+        let hole = next.lower.checked_sub(self.lower + self.count).filter(|_| is_alike)?;
+        let offset = self.upper - self.lower;
+        let count = self.count + hole + next.count;
+        let are_chunks = [self, next].iter().all(|run| run.chunk_from(0) == run.count as usize);
+        let fits = are_chunks && count as usize <= MAX_JOINED;
+        (fits && (offset..=MAX_HOLE).contains(&hole)).then_some(hole)
+    }
 }
 
 impl Block {
+    /// Whether it owns all ends of its elements.
+    pub fn is_closed(&self) -> bool {
+        self.runs.iter().all(|run| run.owned == [true; 2]) && self.bends.are_owned() && self.loose.are_owned()
+    }
+
+    /// The springs that end in a slot.
+    pub fn springs_at(&self, slot: u32) -> Vec<usize> {
+        let in_runs = self.runs.iter().flat_map(|run| {
+            [run.lower, run.upper].into_iter().zip(run.owned).filter_map(move |(first, owned)| {
+                let at = slot.checked_sub(first).filter(|at| owned && *at < run.count)?;
+                Some(run.start + at)
+            })
+        });
+        let among_loose = self.loose.springs.iter().zip(self.rest_length.len() as u32..);
+        let among_loose = among_loose.filter(|(loose, _)| loose.ends.contains(&slot)).map(|(_, place)| place);
+        let places = in_runs.chain(among_loose).map(|place| self.springs[place as usize]);
+        places.filter(|spring| *spring != NO_SPRING).map(|spring| spring as usize).collect()
+    }
+
     pub(super) fn set_parameters(&mut self, index: usize, spring: Spring) {
         let Some(rest_length) = self.rest_length.get_mut(index) else {
             self.loose.springs[index - self.rest_length.len()].element = spring;
@@ -104,40 +203,65 @@ impl Block {
         let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
         let consecutive = |one: &Entry, next: &Entry| {
             one.lower + 1 == next.lower
-                && (one.tile, one.owned, one.offset) == (next.tile, next.owned, next.offset)
+                && (one.group, one.offset) == (next.group, next.offset)
                 && spring_of(one).tension_only == spring_of(next).tension_only
         };
         let mut short: Vec<&Entry> = Vec::new();
+        [&mut self.rest_length, &mut self.stiffness, &mut self.damping]
+            .into_iter()
+            .for_each(|numbers| numbers.reserve(entries.len()));
+        self.springs.reserve(entries.len());
         for group in entries.chunk_by(consecutive) {
             if group.len() < MIN_RUN {
                 short.extend(group);
                 continue;
             }
-            let Entry { owned, offset, lower, .. } = group[0];
+            let Entry { offset, lower, .. } = group[0];
             let first = material(&group[0]);
             let is_uniform = group.iter().all(|entry| material(entry) == first);
-            self.runs.push(Run {
+            self.begin_run(Run {
                 lower,
                 upper: lower + offset,
                 count: group.len() as u32,
+                holes: Vec::new(),
                 start: self.springs.len() as u32,
-                owned: [owned != Owned::Upper, owned != Owned::Lower],
+                owned: group[0].owned(),
                 tension_only: spring_of(&group[0]).tension_only,
                 material: is_uniform.then_some(first),
             });
-            self.rest_length.extend(group.iter().map(|entry| spring_of(entry).length_at_rest()));
-            self.stiffness.extend(group.iter().map(|entry| spring_of(entry).stiffness));
-            self.damping.extend(group.iter().map(|entry| spring_of(entry).damping));
-            self.springs.extend(group.iter().map(|entry| entry.spring));
+            for entry in group {
+                let spring = spring_of(entry);
+                self.rest_length.push(spring.length_at_rest());
+                self.stiffness.push(spring.stiffness);
+                self.damping.push(spring.damping);
+                self.springs.push(entry.spring);
+            }
         }
         for entry in short {
-            let Entry { owned, offset, lower, spring, .. } = *entry;
+            let Entry { offset, lower, spring, .. } = *entry;
             self.loose.springs.push(Loose {
                 ends: [lower, lower + offset],
-                owned: [owned != Owned::Upper, owned != Owned::Lower],
+                owned: entry.owned(),
                 element: *spring_of(entry),
             });
             self.springs.push(spring);
         }
+    }
+
+    /// Lists a run, of which the parameters come next, or joins it to the last one.
+    fn begin_run(&mut self, run: Run) {
+        let last = self.runs.last_mut();
+        let Some((last, hole)) = last.and_then(|last| last.hole_before(&run).map(|hole| (last, hole))) else {
+            self.runs.push(run);
+            return;
+        };
+        last.holes.push(last.count..last.count + hole);
+        last.count += hole + run.count;
+        last.material = last.material.filter(|material| run.material == Some(*material));
+        let places = self.springs.len() + hole as usize;
+        self.springs.resize(places, NO_SPRING);
+        [&mut self.rest_length, &mut self.stiffness, &mut self.damping]
+            .into_iter()
+            .for_each(|numbers| numbers.resize(places, 0.0));
     }
 }

@@ -11,13 +11,10 @@
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
-use std::ops::Range;
-
 use super::bend_blocks::BendPlaces;
-use super::block::{Block, Entry, Loose, Owned};
+use super::block::{Block, Entry, Loose, NO_SPRING};
 use super::layout::Layout;
 use super::loose_blocks::LoosePlaces;
-use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{Element, Elements, Spring, Table};
 use crate::solver::particles::{Particles, split_off};
 use crate::solver::state::Version;
@@ -35,6 +32,8 @@ pub(in crate::solver) struct Blocks {
     places: Vec<[Option<Place>; 2]>,
     pub(super) bend_places: BendPlaces,
     pub(super) loose_places: LoosePlaces,
+    /// Whether each block owns all ends of its elements.
+    are_closed: bool,
     particles: usize,
     version: Version,
     excluded: Version,
@@ -107,6 +106,11 @@ impl Blocks {
         self.blocks.len() > 1 && self.particles + self.places.len() >= MIN_SHARED
     }
 
+    /// Whether no element joins a block to what is not in it.
+    pub fn are_closed(&self) -> bool {
+        self.are_closed
+    }
+
     /// Number of springs in no run; those between two blocks count twice.
     pub fn loose_springs(&self) -> usize {
         self.blocks.iter().map(|block| block.loose.springs.len()).sum()
@@ -134,16 +138,7 @@ impl Blocks {
             let ends = springs.all_ends().iter().enumerate();
             return ends.filter(|(_, ends)| ends.contains(&(slot as u32))).map(|(index, _)| index).collect();
         };
-        let slot = slot as u32;
-        let in_runs = block.runs.iter().flat_map(|run| {
-            [run.lower, run.upper].into_iter().zip(run.owned).filter_map(move |(first, owned)| {
-                let at = slot.checked_sub(first).filter(|at| owned && *at < run.count)?;
-                Some(run.start + at)
-            })
-        });
-        let among_loose = block.loose.springs.iter().zip(block.rest_length.len() as u32..);
-        let among_loose = among_loose.filter(|(loose, _)| loose.ends.contains(&slot)).map(|(_, place)| place);
-        in_runs.chain(among_loose).map(|place| block.springs[place as usize] as usize).collect()
+        block.springs_at(slot as u32)
     }
 
     pub(super) fn block_of(&self, slot: u32) -> Option<usize> {
@@ -158,12 +153,14 @@ impl Blocks {
         self.particles = particles;
         self.ranges_version = Version::new();
         self.blocks.clear();
-        self.add_ranges(layout.ranges(particles), is_excluded);
+        let blocks = layout.pieces(particles, is_excluded).into_iter();
+        self.blocks.extend(blocks.map(|slots| Block { slots, ..Block::default() }));
         self.places.clear();
         self.places.resize(springs.sorted(), [None; 2]);
         for (number, entries) in self.sorted_entries(springs, &layout).into_iter().enumerate() {
             self.blocks[number].fill_runs(springs, &entries);
-            for (spring, index) in self.blocks[number].springs.iter().zip(0..) {
+            let springs = self.blocks[number].springs.iter().zip(0..);
+            for (spring, index) in springs.filter(|(spring, _)| **spring != NO_SPRING) {
                 let [first, second] = &mut self.places[*spring as usize];
                 let place = if first.is_none() { first } else { second };
                 *place = Some(Place { block: number as u32, index });
@@ -178,29 +175,16 @@ impl Blocks {
         self.list_bends(elements, &layout);
         self.loose_places = LoosePlaces::default();
         self.list_loose(elements);
-    }
-
-    fn add_ranges(
-        &mut self,
-        ranges: impl Iterator<Item = Range<usize>>,
-        is_excluded: impl Fn(usize) -> bool,
-    ) {
-        for range in ranges {
-            let mut start = range.start;
-            for slot in range.clone().chain([range.end]) {
-                if slot == range.end || is_excluded(slot) {
-                    if start < slot {
-                        self.blocks.push(Block { slots: start..slot, ..Block::default() });
-                    }
-                    start = slot + 1;
-                }
-            }
-        }
+        self.are_closed = self.blocks.iter().all(Block::is_closed);
     }
 
     /// The springs of each block that may be in runs, sorted.
     fn sorted_entries(&self, springs: &Table<Spring, 2>, layout: &Layout) -> Vec<Vec<Entry>> {
-        let mut entries = vec![Vec::new(); self.blocks.len()];
+        // As many as fall on each by its part of the particles, and some more.
+        let per_particle = springs.sorted() as f32 / self.particles.max(1) as f32;
+        let capacity = |block: &Block| (1.1 * per_particle * block.slots.len() as f32) as usize;
+        let mut entries: Vec<_> =
+            self.blocks.iter().map(|block| Vec::with_capacity(capacity(block))).collect();
         let mut block = 0;
         // Ends lie close, and so do those of the next spring.
         let mut find = |slot: u32| {
@@ -218,23 +202,18 @@ impl Blocks {
             let blocks = [find(lower), find(upper)];
             let mut add = |block: Option<usize>, slot, owned| {
                 let Some(block) = block else { return };
-                let tile = layout.tile_of(slot);
-                entries[block].push(Entry { tile, owned, offset, lower, spring: spring as u32 });
+                entries[block].push(Entry::new(layout.tile_of(slot), owned, [lower, offset], spring as u32));
             };
             if blocks[0] == blocks[1] {
-                add(blocks[0], lower, Owned::Both);
+                add(blocks[0], lower, [true; 2]);
             } else {
-                add(blocks[0], lower, Owned::Lower);
-                add(blocks[1], upper, Owned::Upper);
+                add(blocks[0], lower, [true, false]);
+                add(blocks[1], upper, [false, true]);
             }
         }
         let mut spare = Vec::new();
-        for entries in &mut entries {
-            // They are in the order of the springs: the last key.
-            sort_by_number(entries, &mut spare, |entry| entry.lower);
-            sort_by_number(entries, &mut spare, |entry| entry.offset);
-            sort_by_number(entries, &mut spare, |entry| 3 * entry.tile + entry.owned as u32);
-        }
+        // They are in the order of the springs: the last key.
+        entries.iter_mut().for_each(|entries| Entry::sort(entries, &mut spare));
         entries
     }
 
@@ -291,6 +270,7 @@ impl Blocks {
         for (place, &block) in blocks.iter().enumerate() {
             let Some(number) = block.filter(|_| !blocks[..place].contains(&block)) else { continue };
             let owned = blocks.map(|other| other == block);
+            self.are_closed &= owned == [true; N];
             list(&mut self.blocks[number]).push(Loose { ends, owned, element });
             listed[place] = Some(number as u32);
         }
@@ -327,7 +307,8 @@ mod tests {
         };
         for block in &blocks.blocks {
             for run in &block.runs {
-                for at in 0..run.count {
+                let is_hole = |at: &u32| run.holes.iter().any(|hole| hole.contains(at));
+                for at in (0..run.count).filter(|at| !is_hole(at)) {
                     let rest_length = block.rest_length[(run.start + at) as usize];
                     list([run.lower + at, run.upper + at], run.owned, rest_length);
                 }

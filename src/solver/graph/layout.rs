@@ -15,6 +15,10 @@ const TILE: usize = 1024;
 /// The smallest number of particles of a block, where there are as many: smaller ones list more elements twice.
 pub(super) const MIN_BLOCK: usize = 2048;
 
+/// Particles from which on a block of small spans is closed: what the passes over one read and write fits in the first-level
+/// cache.
+const SHARED_BLOCK: usize = 512;
+
 /// The part of the elements of a span that may be listed twice: a larger block is taken until no more are.
 const MAX_CUT: f32 = 0.04;
 
@@ -57,13 +61,30 @@ impl Layout {
     }
 
     /// The slots of all blocks, with those of particles that came later.
-    pub fn ranges(&self, particles: usize) -> impl Iterator<Item = Range<usize>> {
+    fn ranges(&self, particles: usize) -> impl Iterator<Item = Range<usize>> {
         let sorted = self.tiles.len();
         let late = (sorted..particles).step_by(Self::LATE_BLOCK);
         self.ranges
             .iter()
             .cloned()
             .chain(late.map(move |start| start..particles.min(start + Self::LATE_BLOCK)))
+    }
+
+    /// The same without what is excluded: pieces of blocks.
+    pub fn pieces(&self, particles: usize, is_excluded: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
+        let mut pieces = Vec::new();
+        for range in self.ranges(particles) {
+            let mut start = range.start;
+            for slot in range.clone().chain([range.end]) {
+                if slot == range.end || is_excluded(slot) {
+                    if start < slot {
+                        pieces.push(start..slot);
+                    }
+                    start = slot + 1;
+                }
+            }
+        }
+        pieces
     }
 
     /// The tile of a slot.
@@ -136,7 +157,7 @@ fn ranges(spans: &[Span]) -> Vec<Range<usize>> {
             Some(last) => last.end = slots.end,
             None => ranges.push(slots.clone()),
         }
-        is_open = ranges.last().is_some_and(|last| last.len() < MIN_BLOCK);
+        is_open = ranges.last().is_some_and(|last| last.len() < SHARED_BLOCK);
     }
     ranges
 }

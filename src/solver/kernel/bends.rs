@@ -97,13 +97,13 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     Buffers { pulls, rates }: &mut Buffers,
 ) {
     if let (false, false, Some([stiffness, _])) = (CURVED, DAMPED, run.material) {
-        return combine(list, run, (done, chunk), motion.position, pulls, |separation| {
+        return combine(list, run, (done, chunk), (motion.first, motion.position), pulls, |separation| {
             separation * -stiffness
         });
     }
-    combine(list, run, (done, chunk), motion.position, pulls, |separation| separation);
+    combine(list, run, (done, chunk), (motion.first, motion.position), pulls, |separation| separation);
     if DAMPED {
-        combine(list, run, (done, chunk), motion.velocity, rates, |rate| rate);
+        combine(list, run, (done, chunk), (motion.first, motion.velocity), rates, |rate| rate);
     }
     let places = run.start as usize + done..run.start as usize + done + chunk;
     let rest_lengths = &list.rest_length[places.clone()];
@@ -142,13 +142,14 @@ fn pull<const CURVED: bool, const DAMPED: bool, const N: usize>(
     }
 }
 
-/// What `change` makes of Σ cᵢ vᵢ over the ends of `chunk` bends of a run, from the one numbered `done`.
+/// What `change` makes of Σ cᵢ vᵢ over the ends of `chunk` bends of a run, from the one numbered `done`; of vectors from
+/// the slot `start` on.
 #[inline(always)]
 fn combine<const N: usize>(
     list: &BendList<N>,
     run: &BendRun<N>,
     (done, chunk): (usize, usize),
-    vectors: [&[f32]; 3],
+    (start, vectors): (usize, [&[f32]; 3]),
     sums: &mut Chunk,
     change: impl Fn(f32) -> f32,
 ) {
@@ -157,7 +158,7 @@ fn combine<const N: usize>(
         let sums = &mut sums[LANES..LANES + chunk];
         let mut ends = [&vectors[..0]; N];
         for (end, first) in ends.iter_mut().zip(run.first) {
-            *end = &vectors[first as usize + done..][..chunk];
+            *end = &vectors[first as usize + done - start..][..chunk];
         }
         if let Some(weights) = run.weights {
             for index in 0..chunk {

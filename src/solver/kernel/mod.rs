@@ -8,6 +8,8 @@
 mod accelerations;
 mod bends;
 mod in_air;
+mod semi_implicit;
+mod springs;
 
 use crate::solver::field::Field;
 use crate::solver::graph::Blocks;
@@ -16,20 +18,19 @@ use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
 use accelerations::block_accelerations;
 pub(super) use in_air::{CorrectInAir, PredictInAir};
+pub(super) use semi_implicit::{Advance, AdvanceInPlace, Moved};
 
-/// What the forces depend on: all particles, three arrays for each vector.
+/// What the forces depend on: all particles, or those from some slot on; three arrays for each vector.
 #[derive(Clone, Copy)]
 pub(super) struct Motion<'a> {
+    /// The slot with which the arrays begin.
+    pub first: usize,
+    /// Whether it is known that all applied forces are zero.
+    pub is_unpushed: bool,
     pub position: [&'a [f32]; 3],
     pub velocity: [&'a [f32]; 3],
     pub applied_force: [&'a [f32]; 3],
     pub inverse_mass: &'a [f32],
-}
-
-/// A substep of semi-implicit Euler: the new state of the particles of one block.
-pub(super) struct Moved<'a> {
-    pub position: [&'a mut [f32]; 3],
-    pub velocity: [&'a mut [f32]; 3],
 }
 
 /// Writes the accelerations of the particles of one block.
@@ -38,15 +39,6 @@ pub(super) struct Accelerate<'a> {
     pub motion: &'a Motion<'a>,
     pub field: &'a Field<'a>,
     pub acceleration: [&'a mut [f32]; 3],
-}
-
-/// Writes the accelerations of the particles of one block, and their state after a substep of
-/// semi-implicit Euler: v' = v + h a, x' = x + h v'.
-pub(super) struct Advance<'a> {
-    pub accelerate: Accelerate<'a>,
-    /// The substep h, s.
-    pub substep: f32,
-    pub moved: Moved<'a>,
 }
 
 /// Moves the particles of one block by their accelerations a: x' = x + h v + h²/2 a, v' = v + h a.
@@ -96,6 +88,8 @@ impl<'a> Motion<'a> {
     /// With other positions and velocities.
     pub fn at(position: &'a Vectors, velocity: &'a Vectors, particles: &'a Particles) -> Self {
         Self {
+            first: 0,
+            is_unpushed: particles.is_unpushed(),
             position: position.axes(),
             velocity: velocity.axes(),
             applied_force: particles.applied_force.axes(),
@@ -159,33 +153,6 @@ impl pulp::WithSimd for Accelerate<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(mut self, _: S) {
         block_accelerations(self.block, self.motion, self.field, &mut self.acceleration);
-    }
-}
-
-// By reference: it is too large to be moved for nothing.
-impl pulp::WithSimd for &mut Advance<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Advance { accelerate, substep, moved } = self;
-        let &mut Accelerate { block, motion, field, ref mut acceleration } = accelerate;
-        block_accelerations(block, motion, field, acceleration);
-        let (substep, start, count) = (*substep, block.slots.start, acceleration[0].len());
-        for part in in_vectors(start, count) {
-            for axis in 0..3 {
-                let slots = start + part.start..start + part.end;
-                let old_velocity = &motion.velocity[axis][slots.clone()];
-                let old_position = &motion.position[axis][slots];
-                let acceleration = &acceleration[axis][part.clone()];
-                let velocity = &mut moved.velocity[axis][part.clone()];
-                let position = &mut moved.position[axis][part.clone()];
-                for index in 0..position.len() {
-                    velocity[index] = old_velocity[index] + substep * acceleration[index];
-                    position[index] = old_position[index] + substep * velocity[index];
-                }
-            }
-        }
     }
 }
 
@@ -340,11 +307,17 @@ mod tests {
             Accelerate { block, motion: &motion, field: &FIELD, acceleration }.with_simd(pulp::Scalar::new());
         }
         assert_eq!(evaluated(&particles, &blocks), portable);
-        // Bends are work of their own.
+        // Springs and bends in runs are work of their own.
         let mut forces = [Vectors::default(), Vectors::default()];
         for (forces, is_portable) in forces.iter_mut().zip([true, false]) {
             forces.resize(particles.len());
             for (block, mut force) in blocks.blocks.iter().zip(blocks.split(forces.axes_mut())) {
+                let work = springs::AddSprings { block, motion: &motion, force: &mut force };
+                if is_portable {
+                    work.with_simd(pulp::Scalar::new())
+                } else {
+                    run(work)
+                }
                 let work = bends::AddBends { block, motion: &motion, force: &mut force };
                 if is_portable { work.with_simd(pulp::Scalar::new()) } else { run(work) }
             }

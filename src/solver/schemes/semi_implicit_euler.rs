@@ -5,14 +5,41 @@
 //! explicit scheme.
 
 use super::Stage;
-use crate::solver::kernel::{self, Accelerate, Advance, Motion, Moved};
+use crate::solver::kernel::{self, Accelerate, Advance, AdvanceInPlace, Motion, Moved};
 use crate::solver::parallel;
 
-/// One pass over the blocks. The new state goes into other arrays, since the forces of other blocks
-/// want the old one.
+/// One pass over the blocks. The new state goes into other arrays if the forces of other blocks want the old one.
 pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
     let field = gas.evaluate(elements.gases(), &particles.position, *field);
+    if blocks.are_closed() {
+        let is_unpushed = particles.is_unpushed();
+        let (position, velocity, applied_force, inverse_mass) = particles.answers_to_forces_mut();
+        let applied_force = applied_force.axes();
+        let moved = blocks.split(position.axes_mut()).zip(blocks.split(velocity.axes_mut()));
+        let written = blocks.split(acceleration.axes_mut()).zip(moved);
+        let parts = blocks.blocks.iter().zip(written);
+        parallel::for_each(
+            parts,
+            blocks.are_worth_sharing(),
+            |(block, (acceleration, (position, velocity)))| {
+                let applied_force = applied_force.map(|axis| &axis[block.slots.clone()]);
+                let inverse_mass = &inverse_mass[block.slots.clone()];
+                let (field, moved) = (&field, Moved { position, velocity });
+                kernel::run(&mut AdvanceInPlace {
+                    block,
+                    field,
+                    applied_force,
+                    inverse_mass,
+                    is_unpushed,
+                    acceleration,
+                    moved,
+                    substep,
+                });
+            },
+        );
+        return;
+    }
     scratch.position.resize(particles.len());
     scratch.velocity.resize(particles.len());
     let motion = Motion::of(particles);

@@ -51,23 +51,26 @@ pub(crate) struct NetElements<'a> {
 
 impl NetElements<'_> {
     /// What collides beside the particles: the edges of the surface; where there is none, what is along the springs.
-    fn collision_edges(&self) -> Vec<CollisionEdge> {
-        if self.triangles.is_empty() {
-            let along = |(number, (ends, spring)): (u32, &([u32; 2], Spring))| CollisionEdge {
-                ends: *ends,
-                rest_length: spring.length_at_rest(),
-                spring: number,
-            };
-            return (0..).zip(self.springs).map(along).collect();
-        }
-        let rest_length = |[one, other]: [u32; 2]| {
+    fn collision_edges(&self) -> impl Iterator<Item = CollisionEdge> {
+        let along = |(number, (ends, spring)): (u32, &([u32; 2], Spring))| CollisionEdge {
+            ends: *ends,
+            rest_length: spring.length_at_rest(),
+            spring: number,
+        };
+        let springs = if self.triangles.is_empty() { self.springs } else { &[] };
+        (0..).zip(springs).map(along).chain(self.surface_edges())
+    }
+
+    /// The edges of the surface.
+    fn surface_edges(&self) -> impl Iterator<Item = CollisionEdge> {
+        let rest_length = move |[one, other]: [u32; 2]| {
             self.rest
                 .get(one as usize)
                 .zip(self.rest.get(other as usize))
                 .map_or(0.0, |(a, b)| a.distance(*b))
         };
         let edges = edges_of(self.triangles).into_iter();
-        edges.map(|ends| CollisionEdge { ends, rest_length: rest_length(ends), spring: NO_SPRING }).collect()
+        edges.map(move |ends| CollisionEdge { ends, rest_length: rest_length(ends), spring: NO_SPRING })
     }
 
     /// The corners of the surface that are in one place at rest: each with the one before.
@@ -120,7 +123,7 @@ impl State {
     /// Has the surface of a net collide, or where it has none what is along its `springs`.
     fn add_collision_mesh(&mut self, first: u32, elements: NetElements, springs: &Range<usize>) -> NetRanges {
         let triangles = elements.triangles.iter().map(|ends| ends.map(|end| end + first));
-        let edges = elements.collision_edges().into_iter().map(|edge| CollisionEdge {
+        let edges = elements.collision_edges().map(|edge| CollisionEdge {
             ends: edge.ends.map(|end| end + first),
             spring: if edge.spring == NO_SPRING { NO_SPRING } else { edge.spring + springs.start as u32 },
             ..edge
@@ -247,8 +250,7 @@ impl State {
                 let lengths = wanted.springs.iter().map(|(_, spring)| spring.length_at_rest());
                 self.mesh.set_rest_lengths(edges, lengths);
             } else {
-                self.mesh
-                    .set_rest_lengths(edges, wanted.collision_edges().iter().map(|edge| edge.rest_length));
+                self.mesh.set_rest_lengths(edges, wanted.collision_edges().map(|edge| edge.rest_length));
             }
         }
         is_same

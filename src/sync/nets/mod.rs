@@ -6,6 +6,7 @@
 mod attach;
 mod failure;
 mod gather;
+mod part_links;
 mod parts;
 mod place;
 mod registry;
@@ -14,7 +15,8 @@ mod scatter;
 pub(super) use attach::{any_untied, retie, tie_attachments, untie};
 pub(super) use failure::{give_breaking, give_yielding, turn_winches};
 pub(super) use gather::{GatheredNets, gather_nets};
-pub(super) use parts::{gather_parts, note_despawned_part, relink_part, scatter_parts, unlink_part};
+pub(super) use part_links::{note_despawned_part, relink_part, unlink_part};
+pub(super) use parts::{gather_parts, scatter_parts};
 pub(super) use place::NetData;
 pub(super) use registry::{NetRegistry, mark_replaced, register_existing_nets, register_net, unregister_net};
 pub(super) use scatter::{any_nets, scatter_nets};

@@ -12,7 +12,7 @@ use super::super::hierarchy::{to_local, to_world, world_transform};
 use super::super::snapshot::InitialState;
 use super::super::state::{MassSpringState, Warnings};
 use super::gather::GatheredNets;
-use crate::nets::{Arrays, NetPose, Part, PartOf, PartState, ParticleNet, Parts};
+use crate::nets::{Arrays, NetPose, Part, PartState, ParticleNet, Parts};
 use crate::particle::{AppliedForce, ParticleVelocity, Pinned};
 
 /// All that a tick reads of a part.
@@ -82,7 +82,10 @@ pub(in crate::sync) fn gather_parts(
     mut nets: Query<(Entity, &mut ParticleNet, Option<&Parts>)>,
     mut queries: PartQueries,
 ) {
-    for entry in &mut state.bypass_change_detection().nets.entries {
+    let mut frames = std::mem::take(&mut gathered.frames);
+    let entries = &mut state.bypass_change_detection().nets.entries;
+    frames.resize(entries.len(), None);
+    for (entry, frame) in entries.iter_mut().zip(&mut frames) {
         let Ok((entity, mut net, parts)) = nets.get_mut(entry.entity) else { continue };
         let actions = net.bypass_change_detection().arrays_mut().parts;
         actions.held.clear();
@@ -97,12 +100,13 @@ pub(in crate::sync) fn gather_parts(
             queries: &mut queries,
         };
         acting.resolve(parts);
-        entry.frame = acting.follow(parts, entry.frame);
+        entry.frame = acting.follow(parts, entry.frame, frame);
         parts.iter().for_each(|part| acting.act(*part));
         let held = &mut net.bypass_change_detection().arrays_mut().parts.held;
         held.sort_unstable();
         held.dedup();
     }
+    gathered.frames = frames;
 }
 
 struct ActingParts<'a, 'n, 'w, 's> {
@@ -147,8 +151,13 @@ impl ActingParts<'_, '_, '_, '_> {
     }
 
     /// What is pinned moves with the entity of the net, unless it has another parent. Returns where that is, if
-    /// anything is pinned.
-    fn follow(&mut self, parts: &[Entity], last: Option<[f32; 12]>) -> Option<[f32; 12]> {
+    /// anything is pinned. `known` is where the entity was found before.
+    fn follow(
+        &mut self,
+        parts: &[Entity],
+        last: Option<[f32; 12]>,
+        known: &mut Option<(Transform, Affine3A)>,
+    ) -> Option<[f32; 12]> {
         let is_carried = |queries: &PartQueries, part: Entity| {
             queries
                 .parts
@@ -165,10 +174,17 @@ impl ActingParts<'_, '_, '_, '_> {
         if self.net.pinned().is_empty() && !parts.iter().any(|part| is_pinned(self.queries, part)) {
             return None;
         }
-        let (frame, _) = self.queries.parent_frame(self.net_entity);
-        let own = self.queries.transforms.get(self.net_entity).ok()?.compute_affine();
-        let (_, rotation, translation) = (frame * own).to_scale_rotation_translation();
-        let now = Affine3A::from_rotation_translation(rotation, translation);
+        let own = *self.queries.transforms.get(self.net_entity).ok()?;
+        let is_child = self.queries.parents.contains(self.net_entity);
+        let now = match known.filter(|(transform, _)| *transform == own && !is_child) {
+            Some((_, frame)) => frame,
+            None => {
+                let frame = self.queries.parent_frame(self.net_entity).0 * own.compute_affine();
+                let (_, rotation, translation) = frame.to_scale_rotation_translation();
+                Affine3A::from_rotation_translation(rotation, translation)
+            }
+        };
+        *known = (!is_child).then_some((own, now));
         let columns = now.to_cols_array();
         let Some(last) = last.filter(|last| *last != columns && now.is_finite()) else {
             return Some(columns);
@@ -357,35 +373,5 @@ fn show_part(entity: Entity, net: &ParticleNet, queries: &mut PartQueries) {
         state.written = Some((transform.translation, transform.rotation));
         state.written_velocity = speed;
         velocity.set_if_neq(ParticleVelocity(speed));
-    }
-}
-
-/// Takes note that an entity is no part any more: springs that end in it wait.
-pub(in crate::sync) fn unlink_part(
-    removed: On<Remove, Part>,
-    mut gathered: ResMut<GatheredNets>,
-    mut warnings: ResMut<Warnings>,
-    mut states: Query<&mut PartState, Allow<Disabled>>,
-) {
-    warnings.clear(removed.entity);
-    gathered.relinked_parts.insert(removed.entity);
-    if let Ok(mut state) = states.get_mut(removed.entity) {
-        *state = PartState::default();
-    }
-}
-
-/// Takes note that a part is despawned: its springs go with it.
-pub(in crate::sync) fn note_despawned_part(despawned: On<Despawn, Part>, mut state: ResMut<MassSpringState>) {
-    state.despawned.insert(despawned.entity);
-}
-
-/// Takes note that a part is one of another net.
-pub(in crate::sync) fn relink_part(
-    inserted: On<Insert, PartOf>,
-    mut states: Query<&mut PartState, Allow<Disabled>>,
-) {
-    if let Ok(mut state) = states.get_mut(inserted.entity) {
-        state.structure = 0;
-        state.is_held = false;
     }
 }

@@ -1,0 +1,205 @@
+//! Substeps of semi-implicit Euler.
+
+use super::accelerations::block_accelerations;
+use super::{Accelerate, Motion, in_vectors};
+use crate::solver::field::Field;
+use crate::solver::graph::block::Block;
+
+/// A substep of semi-implicit Euler: the new state of the particles of one block.
+pub(in crate::solver) struct Moved<'a> {
+    pub position: [&'a mut [f32]; 3],
+    pub velocity: [&'a mut [f32]; 3],
+}
+
+/// Writes the accelerations of the particles of one block, and their state after a substep of
+/// semi-implicit Euler: v' = v + h a, x' = x + h v'.
+pub(in crate::solver) struct Advance<'a> {
+    pub accelerate: Accelerate<'a>,
+    /// The substep h, s.
+    pub substep: f32,
+    pub moved: Moved<'a>,
+}
+
+/// The same where no element joins the block to what is not in it: what nothing else reads is overwritten.
+pub(in crate::solver) struct AdvanceInPlace<'a> {
+    pub block: &'a Block,
+    pub field: &'a Field<'a>,
+    /// Of the particles of the block, as what follows.
+    pub applied_force: [&'a [f32]; 3],
+    pub inverse_mass: &'a [f32],
+    /// Whether it is known that all applied forces are zero.
+    pub is_unpushed: bool,
+    pub acceleration: [&'a mut [f32]; 3],
+    /// The state, old and new.
+    pub moved: Moved<'a>,
+    /// The substep h, s.
+    pub substep: f32,
+}
+
+// By reference: it is too large to be moved for nothing.
+impl pulp::WithSimd for &mut Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Advance { accelerate, substep, moved } = self;
+        let &mut Accelerate { block, motion, field, ref mut acceleration } = accelerate;
+        block_accelerations(block, motion, field, acceleration);
+        let (substep, start, count) = (*substep, block.slots.start, acceleration[0].len());
+        for part in in_vectors(start, count) {
+            for axis in 0..3 {
+                let slots = start + part.start..start + part.end;
+                let old_velocity = &motion.velocity[axis][slots.clone()];
+                let old_position = &motion.position[axis][slots];
+                let acceleration = &acceleration[axis][part.clone()];
+                let velocity = &mut moved.velocity[axis][part.clone()];
+                let position = &mut moved.position[axis][part.clone()];
+                for index in 0..position.len() {
+                    velocity[index] = old_velocity[index] + substep * acceleration[index];
+                    position[index] = old_position[index] + substep * velocity[index];
+                }
+            }
+        }
+    }
+}
+
+impl pulp::WithSimd for &mut AdvanceInPlace<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let AdvanceInPlace { block, field, acceleration, moved, substep, .. } = self;
+        let motion = Motion {
+            first: block.slots.start,
+            is_unpushed: self.is_unpushed,
+            position: moved.position.each_ref().map(|axis| &**axis),
+            velocity: moved.velocity.each_ref().map(|axis| &**axis),
+            applied_force: self.applied_force,
+            inverse_mass: self.inverse_mass,
+        };
+        block_accelerations(block, &motion, field, acceleration);
+        let (substep, count) = (*substep, acceleration[0].len());
+        for part in in_vectors(block.slots.start, count) {
+            for axis in 0..3 {
+                let acceleration = &acceleration[axis][part.clone()];
+                let velocity = &mut moved.velocity[axis][part.clone()];
+                let position = &mut moved.position[axis][part.clone()];
+                for index in 0..position.len() {
+                    velocity[index] += substep * acceleration[index];
+                    position[index] += substep * velocity[index];
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::*;
+    use crate::solver::elements::{Elements, Spring};
+    use crate::solver::graph::Blocks;
+    use crate::solver::kernel::{evaluate, run};
+    use crate::solver::particles::{Particles, Vectors};
+
+    const FIELD: Field = Field { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.0, air: None, gas: None };
+
+    /// The number of links of each rope.
+    const LENGTHS: [usize; 8] = [20, 9, 20, 3, 70, 20, 20, 90];
+
+    /// Ropes of these `lengths` in a row, each hanging from its first particle.
+    fn ropes(lengths: &[usize]) -> (Particles, Elements) {
+        let (mut particles, mut elements) = (Particles::default(), Elements::default());
+        for (rope, &length) in lengths.iter().enumerate() {
+            for number in 0..=length {
+                let slot = particles.len();
+                let wobble = |factor: usize| (number * factor % 101) as f32 * 0.003;
+                let position = Vec3::new(0.1 * number as f32 + wobble(7), wobble(13), rope as f32);
+                let velocity = Vec3::new(wobble(3), -wobble(17), wobble(5));
+                particles.push(position, velocity, if number == 0 { 0.0 } else { 4.0 }, 0.0);
+                if number > 0 {
+                    let rest_length = 0.1 + wobble(11);
+                    let spring = Spring { rest_length, stiffness: 800.0, damping: 0.7, ..Spring::default() };
+                    elements.push([slot as u32 - 1, slot as u32], spring);
+                }
+            }
+        }
+        (particles, elements)
+    }
+
+    fn accelerations(particles: &Particles, blocks: &Blocks) -> Vectors {
+        let mut acceleration = Vectors::default();
+        acceleration.resize(particles.len());
+        evaluate(Motion::of(particles), blocks, FIELD, &mut acceleration);
+        acceleration
+    }
+
+    #[test]
+    fn ropes_of_which_the_runs_are_joined_move_to_the_bit_as_alone() {
+        let (mut particles, elements) = ropes(&LENGTHS);
+        let blocks = Blocks::of(elements, &particles);
+        let runs: Vec<(u32, usize)> =
+            blocks.blocks[0].runs.iter().map(|run| (run.count, run.holes.len())).collect();
+        // 19 + 2 + 8 + 2 + 19 springs and places without; 6 with the rope of three links, which has no run; 69. Then 19 + 2 + 19, as
+        // more would be too many; what is longer than a chunk is not joined.
+        assert_eq!(runs, [(50 + 6 + 69, 3), (40, 1), (89, 0)]);
+        let together = accelerations(&particles, &blocks);
+        let mut first = 0;
+        for (rope, &length) in LENGTHS.iter().enumerate() {
+            let (mut alone, links) = ropes(&[length]);
+            (0..alone.len()).for_each(|slot| alone.position.z[slot] = rope as f32);
+            let own = accelerations(&alone, &Blocks::of(links, &alone));
+            for slot in 0..alone.len() {
+                assert_eq!(together.get(first + slot), own.get(slot), "rope {rope}, particle {slot}");
+            }
+            first += alone.len();
+        }
+        // That no force is applied is the same, known or not.
+        particles.note_applied_forces();
+        assert!(particles.is_unpushed());
+        assert_eq!(accelerations(&particles, &blocks), together);
+        particles.applied_force.set(7, Vec3::X);
+        particles.note_applied_forces();
+        assert!(!particles.is_unpushed());
+    }
+
+    #[test]
+    fn in_place_gives_the_same_bits() {
+        let (particles, elements) = ropes(&LENGTHS);
+        let blocks = Blocks::of(elements, &particles);
+        assert!(blocks.are_closed());
+        let substep = 1e-3;
+        let mut results = Vec::new();
+        for in_place in [false, true] {
+            let [mut position, mut velocity] = [particles.position.clone(), particles.velocity.clone()];
+            let mut acceleration = Vectors::default();
+            acceleration.resize(particles.len());
+            let motion = Motion::of(&particles);
+            let moved = blocks.split(position.axes_mut()).zip(blocks.split(velocity.axes_mut()));
+            let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(moved);
+            for ((block, acceleration), (position, velocity)) in parts {
+                let moved = Moved { position, velocity };
+                let slots = block.slots.clone();
+                if in_place {
+                    run(&mut AdvanceInPlace {
+                        block,
+                        field: &FIELD,
+                        applied_force: motion.applied_force.map(|axis| &axis[slots.clone()]),
+                        inverse_mass: &motion.inverse_mass[slots],
+                        is_unpushed: false,
+                        acceleration,
+                        moved,
+                        substep,
+                    });
+                } else {
+                    let accelerate = Accelerate { block, motion: &motion, field: &FIELD, acceleration };
+                    run(&mut Advance { accelerate, substep, moved });
+                }
+            }
+            results.push([position, velocity, acceleration]);
+        }
+        assert_eq!(results[0], results[1]);
+        assert_ne!(results[0][0], particles.position);
+    }
+}

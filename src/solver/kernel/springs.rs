@@ -1,0 +1,216 @@
+//! The forces of springs in runs: a chunk of them at a time, eight together.
+
+use bevy::math::Vec3;
+
+use super::Motion;
+use super::accelerations::LANES;
+use crate::solver::elements::{Element, Spring};
+use crate::solver::graph::block::{Block, MAX_JOINED, Run};
+
+/// Numbers computed together.
+type Lanes = [f32; LANES];
+
+/// Forces of the springs of a chunk, from index `LANES`, with zeros on both sides.
+struct Forces([[f32; LANES + MAX_JOINED + LANES + LANES]; 3]);
+
+/// Adds the forces of all springs in runs. Work of its own, as the compiler would else copy it into each that evaluates
+/// forces.
+pub(super) struct AddSprings<'a, 'b> {
+    pub block: &'a Block,
+    pub motion: &'a Motion<'a>,
+    pub force: &'a mut [&'b mut [f32]; 3],
+}
+
+impl pulp::WithSimd for AddSprings<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { block, motion, force } = self;
+        let start = block.slots.start;
+        let mut forces = Forces([[0.0; LANES + MAX_JOINED + LANES + LANES]; 3]);
+        for run in &block.runs {
+            let (count, offset) = (run.count as usize, (run.upper - run.lower) as usize);
+            let mut done = 0;
+            while done < count {
+                let chunk = run.chunk_from(done);
+                match (run.tension_only, run.material) {
+                    (false, Some([stiffness, damping])) => {
+                        let material = [[stiffness; LANES], [damping; LANES]];
+                        compute::<false>(block, run, (done, chunk), motion, &mut forces, |_| material);
+                    }
+                    (true, Some([stiffness, damping])) => {
+                        let material = [[stiffness; LANES], [damping; LANES]];
+                        compute::<true>(block, run, (done, chunk), motion, &mut forces, |_| material);
+                    }
+                    (false, None) => compute::<false>(
+                        block,
+                        run,
+                        (done, chunk),
+                        motion,
+                        &mut forces,
+                        material_of(block, run, done, chunk),
+                    ),
+                    (true, None) => compute::<true>(
+                        block,
+                        run,
+                        (done, chunk),
+                        motion,
+                        &mut forces,
+                        material_of(block, run, done, chunk),
+                    ),
+                }
+                for hole in &run.holes {
+                    // Only runs of one chunk have holes.
+                    let places = LANES + hole.start as usize..LANES + hole.end as usize;
+                    forces.0.iter_mut().for_each(|forces| forces[places.clone()].fill(0.0));
+                }
+                let lower = (run.lower as usize + done).wrapping_sub(start);
+                let upper = (run.upper as usize + done).wrapping_sub(start);
+                if run.owned == [true; 2] && offset <= LANES {
+                    add_both(force, lower, offset, chunk, &mut forces);
+                } else {
+                    if run.owned[0] {
+                        add(force, lower, chunk, &forces);
+                    }
+                    if run.owned[1] {
+                        subtract(force, upper, chunk, &forces);
+                    }
+                }
+                done += chunk;
+            }
+        }
+    }
+}
+
+/// Stiffness and damping of `chunk` springs of a run, from the one numbered `done`: of those from a place on.
+#[inline(always)]
+fn material_of(block: &Block, run: &Run, done: usize, chunk: usize) -> impl Fn(usize) -> [Lanes; 2] {
+    let start = run.start as usize + done;
+    let (stiffness, damping) = (&block.stiffness[start..][..chunk], &block.damping[start..][..chunk]);
+    move |at| [lanes(stiffness, at), lanes(damping, at)]
+}
+
+#[inline(always)]
+fn lanes(numbers: &[f32], at: usize) -> Lanes {
+    numbers[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
+}
+
+/// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
+#[inline(always)]
+fn compute<const TENSION_ONLY: bool>(
+    block: &Block,
+    run: &Run,
+    (done, chunk): (usize, usize),
+    motion: &Motion,
+    forces: &mut Forces,
+    material: impl Fn(usize) -> [Lanes; 2],
+) {
+    let [lower, upper] = [run.lower, run.upper].map(|first| first as usize + done - motion.first);
+    let rest_lengths = &block.rest_length[run.start as usize + done..][..chunk];
+    // Slices of one length: the indices of vectors need no checks.
+    let ends = [
+        part(motion.position, lower, chunk),
+        part(motion.position, upper, chunk),
+        part(motion.velocity, lower, chunk),
+        part(motion.velocity, upper, chunk),
+    ];
+    let [x, y, z] = &mut forces.0;
+    let (x, y, z) = (&mut x[LANES..][..chunk], &mut y[LANES..][..chunk], &mut z[LANES..][..chunk]);
+    let (vectors, in_part) = (chunk / LANES, chunk % LANES);
+    // The last vector overlaps the one before it and computes some springs again.
+    let steps = vectors + usize::from(in_part > 0);
+    for step in 0..steps {
+        let at = if step < vectors { step * LANES } else { chunk - LANES };
+        let pulls = pulls::<TENSION_ONLY>(
+            [all(ends[0], at), all(ends[1], at)],
+            [all(ends[2], at), all(ends[3], at)],
+            lanes(rest_lengths, at),
+            material(at),
+        );
+        x[at..at + LANES].copy_from_slice(&pulls[0]);
+        y[at..at + LANES].copy_from_slice(&pulls[1]);
+        z[at..at + LANES].copy_from_slice(&pulls[2]);
+    }
+}
+
+#[inline(always)]
+fn all([x, y, z]: [&[f32]; 3], at: usize) -> [Lanes; 3] {
+    [lanes(x, at), lanes(y, at), lanes(z, at)]
+}
+
+/// `count` coordinates from `at`. (`array::map` is not always inlined.)
+#[inline(always)]
+fn part<'a>([x, y, z]: [&'a [f32]; 3], at: usize, count: usize) -> [&'a [f32]; 3] {
+    [&x[at..][..count], &y[at..][..count], &z[at..][..count]]
+}
+
+/// The forces of springs on their lower ends, from the motion of both ends.
+#[inline(always)]
+fn pulls<const TENSION_ONLY: bool>(
+    position: [[Lanes; 3]; 2],
+    velocity: [[Lanes; 3]; 2],
+    rest_length: Lanes,
+    [stiffness, damping]: [Lanes; 2],
+) -> [Lanes; 3] {
+    let mut pulls = [[0.0; LANES]; 3];
+    for lane in 0..LANES {
+        let between = |[lower, upper]: &[[Lanes; 3]; 2]| {
+            Vec3::new(
+                lower[0][lane] - upper[0][lane],
+                lower[1][lane] - upper[1][lane],
+                lower[2][lane] - upper[2][lane],
+            )
+        };
+        let spring = Spring {
+            rest_length: rest_length[lane],
+            stiffness: stiffness[lane],
+            damping: damping[lane],
+            tension_only: TENSION_ONLY,
+            ..Spring::elastic(0.0, 0.0, 0.0)
+        };
+        let pull = spring.pull(between(&position), between(&velocity));
+        (pulls[0][lane], pulls[1][lane], pulls[2][lane]) = (pull.x, pull.y, pull.z);
+    }
+    pulls
+}
+
+/// Adds forces to the particles from `at`.
+#[inline(always)]
+fn add(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
+    for (force, pull) in force.iter_mut().zip(&forces.0) {
+        for (force, pull) in force[at..at + count].iter_mut().zip(&pull[LANES..LANES + count]) {
+            *force += pull;
+        }
+    }
+}
+
+/// Subtracts forces from the particles from `at`.
+#[inline(always)]
+fn subtract(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
+    for (force, pull) in force.iter_mut().zip(&forces.0) {
+        for (force, pull) in force[at..at + count].iter_mut().zip(&pull[LANES..LANES + count]) {
+            *force -= pull;
+        }
+    }
+}
+
+/// Adds forces to the particles from `at` and subtracts them from those `offset` further, in one: what
+/// is stored is not loaded again at once.
+#[inline(always)]
+fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize, forces: &mut Forces) {
+    let end = LANES + count;
+    for (force, pull) in force.iter_mut().zip(&mut forces.0) {
+        // Those before the chunk are zero always.
+        if let Some(beyond) = pull[end..].first_chunk_mut() {
+            *beyond = [0.0; LANES];
+        }
+        let ahead = &pull[LANES..end + offset];
+        let behind = &pull[LANES - offset..end];
+        for (force, (ahead, behind)) in
+            force[at..at + count + offset].iter_mut().zip(ahead.iter().zip(behind))
+        {
+            *force += ahead - behind;
+        }
+    }
+}
