@@ -125,7 +125,7 @@ fn add_loose<E: Element<N>, const N: usize>(
 
 /// Coordinates as slices of one length: an index is checked for all of them at once.
 #[inline(always)]
-fn alike<'a>([x, y, z]: [&'a [f32]; 3]) -> [&'a [f32]; 3] {
+fn alike([x, y, z]: [&[f32]; 3]) -> [&[f32]; 3] {
     let count = x.len();
     [&x[..count], &y[..count], &z[..count]]
 }

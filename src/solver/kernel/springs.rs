@@ -141,7 +141,7 @@ fn all([x, y, z]: [&[f32]; 3], at: usize) -> [Lanes; 3] {
 
 /// `count` coordinates from `at`. (`array::map` is not always inlined.)
 #[inline(always)]
-fn part<'a>([x, y, z]: [&'a [f32]; 3], at: usize, count: usize) -> [&'a [f32]; 3] {
+fn part([x, y, z]: [&[f32]; 3], at: usize, count: usize) -> [&[f32]; 3] {
     [&x[at..][..count], &y[at..][..count], &z[at..][..count]]
 }
 
