@@ -10,22 +10,31 @@ use super::search::{Candidate, Moving};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Crossings {
     slots: Vec<u32>,
+    /// The numbers of the candidates that may cross.
+    numbers: Vec<u32>,
     /// By slot; all false while there are none.
     is_marked: Vec<bool>,
 }
 
 impl Crossings {
-    /// Finds them among all pairs that may touch. Of what is joined nothing is a crossing.
-    pub fn find<'a>(
-        &mut self,
-        candidates: impl Iterator<Item = &'a Candidate>,
-        moved: &[Vec<f32>; 2],
-        moving: Moving,
-    ) {
+    /// Lists those of the `close` candidates that may cross before a vertex has moved farther than the `limits`, m, with its body and in
+    /// the world. Of what is joined nothing is a crossing.
+    pub fn list(&mut self, candidates: &[Candidate], close: &[u32], limits: [f32; 2]) {
+        let may_cross = |number: &&u32| {
+            let candidate = &candidates[**number as usize];
+            let most = COINCIDENT * candidate.reach + 2.0 * limits[usize::from(!candidate.is_within)];
+            candidate.most >= candidate.reach && candidate.distance <= most
+        };
+        self.numbers.clear();
+        self.numbers.extend(close.iter().filter(may_cross));
+    }
+
+    /// Finds those that cross at the start of a substep.
+    pub fn find(&mut self, candidates: &[Candidate], moved: &[Vec<f32>; 2], moving: Moving) {
         self.slots.drain(..).for_each(|slot| self.is_marked[slot as usize] = false);
-        for candidate in candidates {
+        for candidate in self.numbers.iter().map(|number| &candidates[*number as usize]) {
             let most = COINCIDENT * candidate.reach;
-            let may_cross = candidate.most >= candidate.reach && candidate.least_distance(moved) <= most;
+            let may_cross = candidate.least_distance(moved) <= most;
             if may_cross && candidate.ways(moving).closest(0.0).apart.length() <= most {
                 self.slots.extend_from_slice(&candidate.slots);
             }

@@ -78,7 +78,7 @@ pub(super) struct Search {
     limits: [f32; 2],
     /// How far from touching they are listed, m.
     listed_margin: f32,
-    /// Those of them at the start of the substep.
+    /// Those of them that cross at the start of the substep.
     pub crossings: Crossings,
     /// The boxes of nodes, edges and triangles, with their body and in the world.
     nodes: [Vec<Box3>; 2],
@@ -159,19 +159,19 @@ impl Search {
                 self.measure_all(primitives, moving);
             }
         }
-        let Self { candidates, close, moved, crossings, .. } = self;
-        crossings.find(close.iter().map(|number| &candidates[*number as usize]), moved, moving);
+        self.crossings.find(&self.candidates, &self.moved, moving);
     }
 
     /// Lists the candidates that may touch before any vertex is farther than the limits.
     fn list_close(&mut self) {
-        let Self { candidates, close, limits, listed_margin, .. } = self;
-        close.clear();
+        let Self { candidates, close, crossings, limits, listed_margin, .. } = self;
+        let most_moved = |candidate: &Candidate| 2.0 * limits[usize::from(!candidate.is_within)];
         let is_close = |candidate: &Candidate| {
-            let most_moved = 2.0 * limits[usize::from(!candidate.is_within)];
-            candidate.distance <= candidate.largest_reach() + *listed_margin + most_moved
+            candidate.distance <= candidate.largest_reach() + *listed_margin + most_moved(candidate)
         };
+        close.clear();
         close.extend((0..).zip(&*candidates).filter(|(_, one)| is_close(one)).map(|(number, _)| number));
+        crossings.list(candidates, close, *limits);
     }
 
     /// The candidates that may touch.
