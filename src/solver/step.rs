@@ -139,7 +139,7 @@ pub(crate) fn step(
         if caches.failures.any() {
             let has_ramps = state.elements.any_ramps();
             if has_ramps {
-                state.elements.ramp_to(elapsed);
+                state.elements.ramp_to(elapsed); // What the forces of this substep are of.
             }
             caches.fail(state, outputs, (settings, plan), index);
             if has_ramps {

@@ -43,7 +43,7 @@ impl<const N: usize> Default for Bend<N> {
     }
 }
 
-/// Separations whose square is below this have no direction: its inverse would overflow, m².
+/// Separations with a square below this have no direction: its inverse would overflow, m².
 const NO_DIRECTION: f32 = 1e-36;
 
 impl<const N: usize> Bend<N> {
@@ -288,7 +288,7 @@ mod tests {
     }
 
     /// One step is backward Euler: v' = v + h a(x', v'), with the damper's mean rate over the step. Checked in f64
-    /// at the positions that came out, whose rounding (2⁻²⁴ m) 1/h² turns into 2.4e-4 m/s²; the iteration stops at
+    /// at the positions that came out: 1/h² turns their rounding (2⁻²⁴ m) into 2.4e-4 m/s²; the iteration stops at
     /// 5e-4 of the displacement, 0.2 h · 5e-4 / h² = 6.4e-3.
     #[test]
     fn springs_and_bends_together_solve_backward_euler() {

@@ -6,7 +6,7 @@ use super::{Element, Elements, Holds, Spring};
 use crate::solver::state::Version;
 
 impl Elements {
-    /// Appends elements whose ends are counted from the slot `first`; their places.
+    /// Appends elements with ends that are counted from the slot `first`; returns their places.
     pub fn extend<E: Element<N>, const N: usize>(
         &mut self,
         first: u32,
@@ -31,7 +31,7 @@ impl Elements {
         start..start + added.len()
     }
 
-    /// Empties those of the `places` whose ends `is_gone`.
+    /// Empties those of the `places` of which an end `is_gone`.
     pub fn remove_where<E: Element<N>, const N: usize>(
         &mut self,
         places: Range<usize>,

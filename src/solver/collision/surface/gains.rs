@@ -79,6 +79,7 @@ impl Gains {
     /// Takes from stopped particles, each of which is listed once with the part of its displacement that it goes, what they have gained
     /// on the rest of it.
     pub fn lose(&mut self, particles: &mut Particles, stopped: &[(u32, f32)]) {
+        // Only an implicit step has stopped anything.
         if self.parents.is_empty() {
             return;
         }

@@ -255,7 +255,7 @@ impl Surfaces {
 
     /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
     ///
-    /// `is_implicit` says that an implicit step ends here, whose energy the caller watches.
+    /// `is_implicit` says that an implicit step ends here: the caller compares its energies.
     pub fn stop_crossings(&mut self, particles: &mut Particles, skins: &[Skin], is_implicit: bool) -> bool {
         if !self.is_active {
             return false;

@@ -78,7 +78,7 @@ pub(super) struct Search {
     limits: [f32; 2],
     /// How far from touching they are listed, m.
     listed_margin: f32,
-    /// Those of them that cross at the start of the substep.
+    /// The close candidates that cross at the start of the substep.
     pub crossings: Crossings,
     /// The boxes of nodes, edges and triangles, with their body and in the world.
     nodes: [Vec<Box3>; 2],

@@ -57,7 +57,7 @@ impl StiffContact {
 
 impl Surfaces {
     /// Appends to `found` the contacts of what has touched on the way from `start` to the present positions in a step of `h`
-    /// seconds, and is not in it already. Only those all of whose free corners are advanced in that step, and one of these
+    /// seconds, and is not in it already. Only those with free corners that are all advanced in that step, and one of these
     /// `is_in_island`; pinned particles move at their velocities.
     pub fn find_stiff(
         &mut self,
