@@ -229,11 +229,11 @@ impl Advance {
     /// Both are in any list of candidates that holds for these ways: which pairs are tight does not depend on when they were found.
     fn find_tight(&mut self, search: &Search, moving: Moving, attempt: u32) {
         self.tight.clear();
-        self.tight.reserve(search.close.len());
-        for number in search.close.iter().copied() {
-            let candidate = &search.candidates[number as usize];
+        self.tight.reserve(search.near().len());
+        for near in search.near() {
+            let candidate = search.candidate(*near);
             let most_near = (1.0 + CLOSE_PART) * LEAST_PART * candidate.largest_reach();
-            if candidate.least_distance(&search.moved) > most_near || search.crossings.exempt(candidate) {
+            if search.least_distance(*near) > most_near || search.crossings.exempt(candidate) {
                 continue;
             }
             let ways = candidate.ways(moving);
@@ -253,6 +253,7 @@ impl Advance {
             }
             let weights = candidate.signed(weights);
             let normal = direction;
+            let number = near.number;
             self.tight.push(Tight { number, direction, normal, weights, distance, least, is_met: false });
         }
     }

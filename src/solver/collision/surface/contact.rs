@@ -2,6 +2,7 @@
 
 use bevy::math::{Vec3, Vec3A};
 
+use super::lists::Near;
 use super::pair::{CLOSE_PART, Kind, Ways};
 use super::primitives::owns;
 use super::search::{Candidate, Moving, Search};
@@ -76,13 +77,13 @@ impl Candidate {
         self.reach.min(self.most)
     }
 
-    /// A distance in m below which they have not come since the search.
+    /// A distance in m below which they have not come where they were `distance` m apart and have `moved` since.
     #[inline]
-    pub fn least_distance(&self, moved: &[Vec<f32>; 2]) -> f32 {
+    pub fn least_distance(&self, distance: f32, moved: &[Vec<f32>; 2]) -> f32 {
         let moved = &moved[usize::from(!self.is_within)];
         let most = |slots: &[u32]| slots.iter().map(|slot| moved[*slot as usize]).fold(0.0, f32::max);
         let [first, second] = self.sides();
-        self.distance - most(first) - most(second)
+        distance - most(first) - most(second)
     }
 
     /// Weights of which those of the second side are negative.
@@ -152,9 +153,10 @@ pub(super) struct Meeting {
 
 impl Examination<'_> {
     /// How a pair meets, if its sides come within `slop` m of touching on the way.
-    pub fn meeting(&self, candidate: &Candidate, slop: f32) -> Option<Meeting> {
+    pub fn meeting(&self, near: Near, slop: f32) -> Option<Meeting> {
+        let candidate = self.search.candidate(near);
         let largest = candidate.largest_reach();
-        let least = candidate.least_distance(&self.search.moved);
+        let least = self.search.least_distance(near);
         if least.is_nan() || least > largest + slop || self.search.crossings.exempt(candidate) {
             return None;
         }
@@ -199,10 +201,11 @@ impl Examination<'_> {
         Material::of_pair([material(candidate.slots[0]), material(candidate.slots[3])], self.rules)
     }
 
-    /// The contact of the pair of this `number`, if it touches.
-    pub fn contact(&self, number: u32, candidate: &Candidate) -> Option<Contact> {
+    /// The contact of a pair, if it touches.
+    pub fn contact(&self, near: Near) -> Option<Contact> {
         let Self { moving: Moving { particles, .. }, acceleration, .. } = self;
-        let Meeting { weights, normal, reach, gap } = self.meeting(candidate, self.rebound.slop)?;
+        let Meeting { weights, normal, reach, gap } = self.meeting(near, self.rebound.slop)?;
+        let candidate = self.search.candidate(near);
         let [restitution, coefficient] = self.coefficients(candidate);
         let rebound = Rebound { restitution, ..self.rebound };
         if gap > reach + rebound.slop {
@@ -227,7 +230,7 @@ impl Examination<'_> {
         let sprung = candidate.slots.iter().any(|slot| self.on_mesh[*slot as usize]);
         (yields > 0.0).then(|| Contact {
             places: candidate.slots,
-            candidate: number,
+            candidate: near.number,
             weights,
             normal,
             reach,

@@ -23,8 +23,8 @@ pub(super) struct Finder<'a> {
     /// See [`super::super::material::skin_of`].
     pub skins: &'a [Skin],
     pub candidates: &'a mut Vec<Candidate>,
-    /// See [`Search`](super::search::Search).
-    pub vertex_margins: &'a [Vec<f32>; 2],
+    /// How far vertices may get, see [`Displacements`](super::displacements::Displacements), m.
+    pub limits: &'a [Vec<f32>; 2],
     /// m.
     pub margin: f32,
     /// The number of pairs, at most.
@@ -205,10 +205,9 @@ impl Finder<'_> {
         let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
         let reach = of_both(particles.radius());
         let corners = slots.map(|slot| Vec3A::from(self.moving.start.get(slot as usize)));
-        let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
         // Less than the true one: what is told from it must not depend on rounding.
-        let distance = closest(kind, &corners).apart.length() - DISTANCE_ROUNDING * farthest.max_element();
-        let margin = self.margin + of_both(&self.vertex_margins[usize::from(!is_within)]);
+        let distance = closest(kind, &corners).apart.length() - distance_rounding(&corners);
+        let margin = self.margin + of_both(&self.limits[usize::from(!is_within)]);
         if distance > reach + margin {
             return;
         }
@@ -220,6 +219,12 @@ impl Finder<'_> {
         let most = 0.5 * way;
         self.candidates.push(Candidate { slots, kind, marks, is_within, distance, reach, most });
     }
+}
+
+/// By how much rounding may change the distance of two primitives with some corners, m.
+pub(super) fn distance_rounding(corners: &[Vec3A; 4]) -> f32 {
+    let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
+    DISTANCE_ROUNDING * farthest.max_element()
 }
 
 /// Whether no pair of a body collides: all its particles are of one family.

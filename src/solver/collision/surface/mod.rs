@@ -29,10 +29,12 @@ mod closest;
 mod confine;
 mod contact;
 mod crossing;
+mod displacements;
 mod finder;
 mod follow;
 mod gains;
 mod grip;
+mod lists;
 mod near;
 mod pair;
 mod primitives;
@@ -192,10 +194,9 @@ impl Surfaces {
         let is_solved = |slot: &u32| {
             particles.is_pinned(*slot as usize) || is_implicit.get(*slot as usize) == Some(&true)
         };
-        for number in search.close.iter().copied() {
-            let pair = &search.candidates[number as usize];
-            if is_implicit.is_empty() || !pair.slots.iter().all(is_solved) {
-                contacts.extend(examination.contact(number, pair));
+        for near in search.near() {
+            if is_implicit.is_empty() || !search.candidate(*near).slots.iter().all(is_solved) {
+                contacts.extend(examination.contact(*near));
             }
         }
         if contacts.is_empty() {

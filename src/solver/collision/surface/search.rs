@@ -7,17 +7,16 @@
 use bevy::math::Vec3A;
 
 use super::crossing::Crossings;
+use super::displacements::{Displacements, Measured};
 use super::finder::{Boxes, Finder, is_one_family};
+use super::lists::{List, Near};
 use super::pair::Kind;
 use super::primitives::Primitives;
-use super::spread::{EachMoved, Spread, enlarged, margin_of};
+use super::spread::{Spread, enlarged, margin_of};
 use super::tree::{Box3, fit_primitives};
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
-
-/// Displacement since the search at which the close candidates are listed anew, as a multiple of the largest at the last listing.
-const LIMIT_GROWTH: f32 = 1.5;
 
 /// Greatest number of pairs: for each primitive, and beside that. Bodies that are put into each other have more.
 const MAX_PAIRS: [usize; 2] = [200, 100_000];
@@ -60,35 +59,26 @@ pub(super) struct Search {
     max_age: u32,
     /// Distance from touching up to which pairs are listed, m.
     margin: f32,
-    /// By slot.
-    origins: Vectors,
+    /// Since the search: the limits are those of the boxes.
+    displacements: Displacements,
     /// By slot: the boxes in which a vertex stays with its radius, with its body and in the world.
     boxes: [Vec<Box3>; 2],
-    /// By slot: the displacement since the search that the boxes of a vertex allow, with its body and in the world, m.
-    vertex_margins: [Vec<f32>; 2],
-    /// By body: the least of them.
-    least_margins: Vec<[f32; 2]>,
-    /// How far each vertex is, or was at the start of the substep, from where it was in the search: with its body, and in
-    /// the world; m. Known while there are close candidates.
-    pub moved: [Vec<f32>; 2],
-    /// At least the farthest of each.
-    farthest: [f32; 2],
-    /// The numbers of the candidates that may touch before any vertex is farther than `limits`, m, in their order.
-    pub close: Vec<u32>,
-    limits: [f32; 2],
+    /// Those of the candidates that are near, and those of these that are nearer.
+    lists: [List; 2],
+    /// How many of the lists are good.
+    built: usize,
     /// How far from touching they are listed, m.
     listed_margin: f32,
-    /// The close candidates that cross at the start of the substep.
+    /// The pairs that cross at the start of the substep.
     pub crossings: Crossings,
     /// The boxes of nodes, edges and triangles, with their body and in the world.
     nodes: [Vec<Box3>; 2],
     edges: [Vec<Box3>; 2],
     triangles: [Vec<Box3>; 2],
-    /// By body: its box, where it has been; which bodies have a partner.
+    /// By body: its box, where it has been.
     body_boxes: Vec<Box3>,
-    has_partner: Vec<bool>,
-    /// By body: whether it has diverged.
-    has_diverged: Vec<bool>,
+    /// By body: see [`Measured`].
+    frames: Vec<usize>,
     /// By body: how far it moves as a whole in the substep of the search, m.
     ways: Vec<Vec3A>,
     /// By body: the greatest radius, m.
@@ -118,152 +108,176 @@ impl Moving<'_> {
 impl Search {
     /// The next substep searches.
     pub fn reset(&mut self) {
-        (self.is_good, self.margin) = (false, 0.0);
+        (self.is_good, self.margin, self.listed_margin) = (false, 0.0, 0.0);
     }
 
-    /// From now on pairs within a smaller margin may be enough.
-    pub fn narrow(&mut self) {
-        (self.listed_margin, self.limits) = (0.0, [-1.0; 2]);
-    }
-
-    /// Makes the candidates good for a substep: all pairs that come within `margin` m of touching are among them, in an order
-    /// that does not depend on when they were found.
+    /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found.
     pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
-        // Those that were found for fast motions are too many for slow ones.
-        self.age = self.age.saturating_add(1);
-        let many = MANY_PAIRS * (primitives.forest.edges.len() + primitives.forest.triangles.len());
-        let is_old = self.age > self.max_age.max(MAX_AGE) && self.candidates.len() > many;
-        self.is_good &= margin <= self.margin && !is_old;
-        let is_new = !(self.is_good && self.still_holds(primitives, moving));
-        if is_new {
-            self.margin = self.margin.max(margin);
-            self.search(primitives, moving, skins);
-            // Where that finds as many again, it is done less often.
-            let is_in_vain = is_old && self.candidates.len() > many;
-            self.max_age = if is_in_vain { self.max_age.max(MAX_AGE).saturating_mul(2) } else { MAX_AGE };
-            (self.is_good, self.age) = (!self.is_overfull, 0);
-            self.limits = [-1.0; 2];
+        if margin > self.listed_margin {
+            (self.listed_margin, self.built) = (margin, 0);
+        }
+        let is_good = self.is_still_good(primitives, margin) && self.hold_lists(primitives, moving, false);
+        if !is_good {
+            self.renew(primitives, moving, (skins, margin));
             // Beyond all scales it may not hold even now: then all candidates are looked at.
-            if !self.still_holds(primitives, moving) {
-                self.moved.iter_mut().for_each(|moved| moved.fill(f32::INFINITY));
-                self.farthest = [f32::INFINITY; 2];
+            if !self.hold_lists(primitives, moving, true) {
+                self.list_all(moving);
             }
         }
-        let is_beyond = self.farthest.iter().zip(self.limits).any(|(farthest, limit)| *farthest > limit);
-        if is_beyond || margin > self.listed_margin {
-            self.listed_margin = self.listed_margin.max(margin);
-            self.limits = self.farthest.map(|farthest| LIMIT_GROWTH * farthest);
-            let had_any = !self.close.is_empty();
-            self.list_close();
-            if !had_any && !self.close.is_empty() && self.farthest[0] < f32::INFINITY {
-                self.measure_all(primitives, moving);
-            }
+        if self.near().is_empty() {
+            self.crossings.clear();
         }
-        self.crossings.find(&self.candidates, &self.moved, moving);
+        self.crossings.find(&self.candidates, &self.lists[1].displacements.moved, moving);
     }
 
-    /// Lists the candidates that may touch before any vertex is farther than the limits.
-    fn list_close(&mut self) {
-        let Self { candidates, close, crossings, limits, listed_margin, .. } = self;
-        let most_moved = |candidate: &Candidate| 2.0 * limits[usize::from(!candidate.is_within)];
-        let is_close = |candidate: &Candidate| {
-            candidate.distance <= candidate.largest_reach() + *listed_margin + most_moved(candidate)
-        };
-        close.clear();
-        close.extend((0..).zip(&*candidates).filter(|(_, one)| is_close(one)).map(|(number, _)| number));
-        crossings.list(candidates, close, *limits);
-    }
-
-    /// The candidates that may touch.
-    pub fn close(&self) -> impl Iterator<Item = &Candidate> {
-        self.close.iter().map(|number| &self.candidates[*number as usize])
-    }
-
-    /// Whether each vertex is in its boxes.
-    fn still_holds(&mut self, primitives: &Primitives, moving: Moving) -> bool {
-        let (forest, radius) = (&primitives.forest, moving.particles.radius());
-        let wants_each = !self.close.is_empty();
-        let mut farthest = [0.0_f32; 2];
-        for (number, body) in forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, &self.origins);
-            let has_diverged = self::has_diverged(primitives, number, &spread, moving);
-            if has_diverged != self.has_diverged[number] {
-                return false;
-            } else if has_diverged {
-                continue;
-            }
-            let frames = if self.has_partner[number] { 2 } else { 1 };
-            let (mut own, margins) = (spread.farthest(), self.least_margins[number]);
-            let is_clear = (0..frames).all(|frame| own[frame] <= margins[frame]);
-            if wants_each || !is_clear {
-                own = [0.0; 2];
-                if !self.measure_each(primitives, (number, &spread), moving, &mut own) {
-                    return false;
-                }
-            }
-            (0..frames).for_each(|frame| farthest[frame] = farthest[frame].max(own[frame]));
-            let (all, reach) = (spread.position, self.largest[number]);
-            let is_in = |end: Vec3A| self.body_boxes[number].contains(end, reach);
-            if frames == 1 && !(is_in(all.least) && is_in(all.most)) {
-                return false;
-            }
-        }
-        for slot in primitives.balls.iter().map(|slot| *slot as usize) {
-            let (ends, world) = (moving.ends(slot), &self.boxes[1][slot]);
-            if !(ends[0] + ends[1]).is_finite() {
-                continue;
-            }
-            if !(world.contains(ends[0], radius[slot]) && world.contains(ends[1], radius[slot])) {
-                return false;
-            }
-            let origin = Vec3A::from(self.origins.get(slot));
-            self.moved[1][slot] = ends[0].distance(origin).max(ends[1].distance(origin));
-            farthest[1] = farthest[1].max(self.moved[1][slot]);
-        }
-        self.farthest = farthest;
-        true
-    }
-
-    /// Measures how far each vertex of all bodies has moved.
-    fn measure_all(&mut self, primitives: &Primitives, moving: Moving) {
-        for (number, body) in primitives.forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, &self.origins);
-            self.measure_each(primitives, (number, &spread), moving, &mut [0.0; 2]);
-        }
-    }
-
-    /// Measures how far each vertex of a body has moved; whether all are within their margins.
-    fn measure_each(
+    /// Makes the candidates good for a way: all pairs that come within `margin` m of touching are among them, in an order that does not
+    /// depend on when they were found.
+    pub fn ensure_candidates(
         &mut self,
         primitives: &Primitives,
-        (number, spread): (usize, &Spread),
         moving: Moving,
-        farthest: &mut [f32; 2],
-    ) -> bool {
-        let (origins, runs) = (&self.origins, &primitives.forest.bodies[number].runs[..]);
-        let frames = if self.has_partner[number] { 2 } else { 1 };
-        let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
-        let mut is_beyond = false;
-        for frame in 0..frames {
-            pulp::Arch::new().dispatch(EachMoved {
-                runs,
-                moving,
-                origins,
-                drift: drifts[frame],
-                margins: &self.vertex_margins[frame],
-                moved: &mut self.moved[frame],
-                farthest: &mut farthest[frame],
-                is_beyond: &mut is_beyond,
-            });
+        (skins, margin): (&[Skin], f32),
+    ) {
+        if !(self.is_still_good(primitives, margin) && self.hold(0, primitives, moving, true)) {
+            self.renew(primitives, moving, (skins, margin));
+            if !self.hold(0, primitives, moving, true) {
+                self.displacements.moved.iter_mut().for_each(|moved| moved.fill(f32::INFINITY));
+            }
         }
-        !is_beyond
+    }
+
+    /// The pairs that may touch in the substep.
+    pub fn near(&self) -> &[Near] {
+        if self.built == 2 { &self.lists[1].pairs } else { &[] }
+    }
+
+    /// What a pair is.
+    #[inline]
+    pub fn candidate(&self, near: Near) -> &Candidate {
+        &self.candidates[near.number as usize]
+    }
+
+    /// A distance below which a pair has not come at the start and at the end of the substep, m.
+    #[inline]
+    pub fn least_distance(&self, near: Near) -> f32 {
+        self.candidate(near).least_distance(near.distance, &self.lists[1].displacements.moved)
+    }
+
+    /// The same for one of the candidates, by what has moved since the search.
+    pub fn least_distance_of(&self, candidate: &Candidate) -> f32 {
+        candidate.least_distance(candidate.distance, &self.displacements.moved)
+    }
+
+    /// Whether the last search found all pairs within `margin`. Those that were found for fast motions are too many for slow ones.
+    fn is_still_good(&mut self, primitives: &Primitives, margin: f32) -> bool {
+        self.age = self.age.saturating_add(1);
+        self.is_good &= margin <= self.margin && !self.is_old(primitives);
+        self.is_good
+    }
+
+    fn is_old(&self, primitives: &Primitives) -> bool {
+        self.age > self.max_age.max(MAX_AGE) && self.has_many(primitives)
+    }
+
+    fn has_many(&self, primitives: &Primitives) -> bool {
+        let forest = &primitives.forest;
+        self.candidates.len() > MANY_PAIRS * (forest.edges.len() + forest.triangles.len())
+    }
+
+    /// Searches anew.
+    fn renew(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
+        let is_old = self.is_old(primitives);
+        self.margin = self.margin.max(margin);
+        self.search(primitives, moving, skins);
+        // Where that finds as many again, it is done less often.
+        let is_in_vain = is_old && self.has_many(primitives);
+        self.max_age = if is_in_vain { self.max_age.max(MAX_AGE).saturating_mul(2) } else { MAX_AGE };
+        (self.is_good, self.age, self.built) = (!self.is_overfull, 0, 0);
+    }
+
+    /// Has all candidates looked at in this substep.
+    fn list_all(&mut self, moving: Moving) {
+        let [_, last] = &mut self.lists;
+        last.list_all(self.candidates.len(), moving);
+        self.crossings.list(&self.candidates, last);
+        (self.is_good, self.built) = (false, 2);
+    }
+
+    /// Whether the last good list holds, or one before it, of which those after it are made.
+    fn hold_lists(&mut self, primitives: &Primitives, moving: Moving, is_fresh: bool) -> bool {
+        for level in (0..=self.built).rev() {
+            self.built = level;
+            let with_each = self.has_more() && !is_fresh || level == 2 && !self.lists[1].pairs.is_empty();
+            if self.hold(level, primitives, moving, with_each)
+                && self.build_lists(primitives, moving, is_fresh)
+            {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Whether a list has to be made of the last good one.
+    fn has_more(&self) -> bool {
+        match self.built {
+            0 => !self.candidates.is_empty(),
+            1 => !self.lists[0].pairs.is_empty(),
+            _ => false,
+        }
+    }
+
+    /// Makes lists of the last good one, or of candidates that are `fresh`: found in this substep. Whether it leaves room for them.
+    fn build_lists(&mut self, primitives: &Primitives, moving: Moving, mut is_fresh: bool) -> bool {
+        if !self.has_more() {
+            return true;
+        }
+        while self.has_more() {
+            let Self { candidates, displacements, lists: [first, second], frames, listed_margin, .. } = self;
+            let measured = Measured { primitives, moving, frames };
+            let wanted = (&candidates[..], *listed_margin, measured);
+            let is_made = if self.built == 0 {
+                let numbers = (0..).zip(&*candidates);
+                let all = numbers.map(|(number, one)| Near { number, distance: one.distance });
+                first.make((all, displacements, is_fresh), wanted)
+            } else {
+                second.make((first.pairs.iter().copied(), &first.displacements, is_fresh), wanted)
+            };
+            if !is_made {
+                return false;
+            }
+            self.built += 1;
+            is_fresh = true;
+        }
+        let [_, last] = &self.lists;
+        if self.built < 2 || last.pairs.is_empty() {
+            return true;
+        }
+        self.crossings.list(&self.candidates, last);
+        self.hold(2, primitives, moving, true)
+    }
+
+    /// Whether each vertex is within its limits of the search, for 0, or of a list.
+    fn hold(&mut self, level: usize, primitives: &Primitives, moving: Moving, with_each: bool) -> bool {
+        let Self { displacements, lists, frames, body_boxes, largest, .. } = self;
+        let displacements = match level.checked_sub(1) {
+            None => displacements,
+            Some(list) => &mut lists[list].displacements,
+        };
+        displacements.hold(Measured { primitives, moving, frames }, with_each, |number, spread| {
+            let has_diverged = has_diverged(primitives, number, spread, moving);
+            let (all, reach) = (spread.position, largest[number]);
+            let is_in = |end: Vec3A| body_boxes[number].contains(end, reach);
+            match frames[number] {
+                0 => has_diverged,
+                1 => !has_diverged && is_in(all.least) && is_in(all.most),
+                _ => !has_diverged,
+            }
+        })
     }
 
     fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
         let forest = &primitives.forest;
         self.make_boxes(primitives, moving);
-        let count = moving.particles.len();
-        self.moved.iter_mut().for_each(|moved| moved.resize(count, 0.0));
         for frame in 0..2 {
             let boxes = &self.boxes[frame];
             self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
@@ -277,9 +291,7 @@ impl Search {
         for (number, body) in forest.bodies.iter().enumerate() {
             self.body_boxes.push(enlarged(self.nodes[1][body.nodes.start as usize], self.ways[number]));
         }
-        self.has_partner.clear();
-        self.has_partner.resize(forest.bodies.len(), false);
-        let Self { candidates, nodes, edges, triangles, boxes, stack, vertex_margins, margin, .. } = self;
+        let Self { candidates, nodes, edges, triangles, boxes, stack, displacements, margin, .. } = self;
         let [within, world] = [0, 1].map(|frame| Boxes {
             nodes: &nodes[frame],
             vertices: &boxes[frame],
@@ -290,9 +302,9 @@ impl Search {
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
         let mut finder =
-            Finder { primitives, moving, skins, candidates, vertex_margins, margin: *margin, most };
+            Finder { primitives, moving, skins, candidates, limits: &displacements.limits, margin: *margin, most };
         let families = moving.particles.families();
-        for (body, _) in forest.bodies.iter().zip(&self.has_diverged).filter(|(_, diverged)| !**diverged) {
+        for (body, _) in forest.bodies.iter().zip(&self.frames).filter(|(_, frames)| **frames > 0) {
             if is_one_family(forest.vertices_of(body), families) {
                 continue;
             }
@@ -301,7 +313,7 @@ impl Search {
         }
         // The boxes of bodies, swept along x; balls are bodies, too.
         self.order.clear();
-        let present = (0..).zip(&self.body_boxes).filter(|(number, _)| !self.has_diverged[*number as usize]);
+        let present = (0..).zip(&self.body_boxes).filter(|(number, _)| self.frames[*number as usize] > 0);
         self.order.extend(present.map(|(number, body)| (body.least.x, number)));
         let bodies = forest.bodies.len() as u32;
         let balls = (bodies..).zip(&primitives.balls);
@@ -324,11 +336,11 @@ impl Search {
         }
         self.partners.sort_unstable();
         for [one, other] in self.partners.iter().copied() {
-            self.has_partner[one as usize] = true;
+            self.frames[one as usize] = 2;
             let root = forest.bodies[one as usize].nodes.start;
             match other.checked_sub(bodies) {
                 None => {
-                    self.has_partner[other as usize] = true;
+                    self.frames[other as usize] = 2;
                     let other = forest.bodies[other as usize].nodes.start;
                     finder.walk([root, other], world, stack);
                 }
@@ -346,40 +358,37 @@ impl Search {
 
     /// Computes the margins and boxes of the vertices.
     fn make_boxes(&mut self, primitives: &Primitives, moving: Moving) {
-        let Self { origins, boxes, vertex_margins, least_margins, has_diverged, ways, largest, .. } = self;
+        let Self { displacements, boxes, frames, ways, largest, .. } = self;
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
-        origins.copy_from(moving.start);
+        displacements.begin(moving, forest.bodies.len());
         boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
-        vertex_margins.iter_mut().for_each(|margins| margins.resize(moving.particles.len(), 0.0));
-        has_diverged.clear();
-        least_margins.clear();
+        frames.clear();
         ways.clear();
         largest.clear();
         let margin = self.margin;
         let mut place = |slot: usize, way: Vec3A, frame: usize| {
-            let (allowed, place) = margin_of(moving.ends(slot), way, (radius[slot], margin));
-            (vertex_margins[frame][slot], boxes[frame][slot]) = (allowed, place);
-            allowed
+            let (limit, place) = margin_of(moving.ends(slot), way, (radius[slot], margin));
+            boxes[frame][slot] = place;
+            limit
         };
         for (number, body) in forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, origins);
-            has_diverged.push(self::has_diverged(primitives, number, &spread, moving));
+            let spread = Spread::of(&body.runs, moving, &displacements.origins);
+            frames.push(usize::from(!has_diverged(primitives, number, &spread, moving)));
             let [_, drift] = spread.drift();
-            let (mut least, mut thickest) = ([f32::INFINITY; 2], 0.0_f32);
+            let mut thickest = 0.0_f32;
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 let [start, end] = moving.ends(slot);
                 for (frame, way) in [end - start - drift, end - start].into_iter().enumerate() {
-                    least[frame] = least[frame].min(place(slot, way, frame));
+                    displacements.limit((number, slot, frame), place(slot, way, frame));
                 }
                 thickest = thickest.max(radius[slot]);
             }
-            least_margins.push(least);
             largest.push(thickest);
             ways.push(drift);
         }
         for slot in primitives.balls.iter().map(|slot| *slot as usize) {
             let [start, end] = moving.ends(slot);
-            place(slot, end - start, 1);
+            displacements.limits[1][slot] = place(slot, end - start, 1);
         }
     }
 }

@@ -112,7 +112,7 @@ impl pulp::WithSimd for Extremes<'_> {
     }
 }
 
-/// Finds how far each vertex is from where it was in the search.
+/// Finds how far each vertex is from where it was.
 pub(super) struct EachMoved<'a> {
     pub runs: &'a [Range<u32>],
     pub moving: Moving<'a>,
@@ -120,11 +120,9 @@ pub(super) struct EachMoved<'a> {
     /// What is taken off, at the start and at the end, m.
     pub drift: [Vec3A; 2],
     /// How far each may be, by slot, m.
-    pub margins: &'a [f32],
+    pub limits: &'a [f32],
     /// How far each is, by slot, m; 0 for what is nowhere.
     pub moved: &'a mut [f32],
-    /// The farthest of them, m.
-    pub farthest: &'a mut f32,
     /// Whether any is farther than it may be.
     pub is_beyond: &'a mut bool,
 }
@@ -134,18 +132,17 @@ impl pulp::WithSimd for EachMoved<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { runs, moving, origins, drift, margins, moved, farthest, is_beyond } = self;
+        let Self { runs, moving, origins, drift, limits, moved, is_beyond } = self;
         let drift = drift.map(|drift| drift.to_array());
-        let mut most = simd.splat_f32s(0.0);
         let mut excess = simd.splat_f32s(0.0);
         for run in runs {
             let run = run.start as usize..run.end as usize;
             let places = [moving.start, moving.end, origins].map(|vectors| vectors.axes());
             let [start, end, origin] =
                 places.map(|axes| axes.map(|axis| S::as_simd_f32s(&axis[run.clone()])));
-            let (margins, moved) =
-                (S::as_simd_f32s(&margins[run.clone()]), S::as_mut_simd_f32s(&mut moved[run]));
-            for number in 0..margins.0.len() {
+            let (limits, moved) =
+                (S::as_simd_f32s(&limits[run.clone()]), S::as_mut_simd_f32s(&mut moved[run]));
+            for number in 0..limits.0.len() {
                 let mut squares = [simd.splat_f32s(0.0); 2];
                 for axis in 0..3 {
                     for (side, position) in [start, end].into_iter().enumerate() {
@@ -158,10 +155,9 @@ impl pulp::WithSimd for EachMoved<'_> {
                 let is_finite = simd.less_than_f32s(square, simd.splat_f32s(f32::INFINITY));
                 let far = simd.sqrt_f32s(simd.select_f32s(is_finite, square, simd.splat_f32s(0.0)));
                 moved.0[number] = far;
-                most = simd.max_f32s(far, most);
-                excess = simd.max_f32s(simd.sub_f32s(far, margins.0[number]), excess);
+                excess = simd.max_f32s(simd.sub_f32s(far, limits.0[number]), excess);
             }
-            for number in 0..margins.1.len() {
+            for number in 0..limits.1.len() {
                 let square = [start, end].into_iter().zip(drift).map(|(position, drift)| {
                     let way = |axis: usize| (position[axis].1[number] - origin[axis].1[number]) - drift[axis];
                     (0..3).map(|axis| way(axis) * way(axis)).sum::<f32>()
@@ -169,11 +165,9 @@ impl pulp::WithSimd for EachMoved<'_> {
                 let square = square.fold(0.0, f32::max);
                 let far = if square < f32::INFINITY { square.sqrt() } else { 0.0 };
                 moved.1[number] = far;
-                *farthest = farthest.max(far);
-                *is_beyond |= far > margins.1[number];
+                *is_beyond |= far > limits.1[number];
             }
         }
-        *farthest = farthest.max(simd.reduce_max_f32s(most));
         *is_beyond |= simd.reduce_max_f32s(excess) > 0.0;
     }
 }

@@ -95,12 +95,13 @@ impl Surfaces {
         };
         let is_free = |slot: &&u32| !particles.is_pinned(**slot as usize);
         let known = found.len();
-        for candidate in search.close() {
+        for near in search.near() {
+            let candidate = search.candidate(*near);
             let free = || candidate.slots.iter().filter(is_free);
             if !free().all(|slot| is_advanced(*slot)) || !free().any(|slot| is_in_island(*slot)) {
                 continue;
             }
-            let Some(meeting) = examination.meeting(candidate, 0.0) else { continue };
+            let Some(meeting) = examination.meeting(*near, 0.0) else { continue };
             if meeting.gap >= meeting.reach {
                 continue;
             }
@@ -138,10 +139,10 @@ impl Surfaces {
         let thickest = particles.radius().iter().copied().fold(0.0, f32::max);
         let margin = (MAX_ELEMENT_SHARE * longest).min(2.0 * thickest);
         let moving = Moving { start, end, particles };
-        search.ensure(primitives, moving, (skins, margin + CONTACT_HYSTERESIS * 2.0 * thickest));
-        for candidate in search.close() {
+        search.ensure_candidates(primitives, moving, (skins, margin + CONTACT_HYSTERESIS * 2.0 * thickest));
+        for candidate in &search.candidates {
             let most = (1.0 + CONTACT_HYSTERESIS) * candidate.largest_reach() + margin;
-            if candidate.least_distance(&search.moved) > most {
+            if search.least_distance_of(candidate) > most {
                 continue;
             }
             let ways = candidate.ways(moving);
@@ -150,7 +151,6 @@ impl Surfaces {
                 visit(candidate.slots);
             }
         }
-        search.narrow();
     }
 }
 

@@ -1,0 +1,137 @@
+//! How far the vertices of bodies have moved since some time, and how far they may: what was found then holds until one goes farther.
+
+use bevy::math::Vec3A;
+
+use super::primitives::Primitives;
+use super::search::Moving;
+use super::spread::{EachMoved, Spread};
+use crate::solver::particles::Vectors;
+
+/// Displacements of all vertices since some time, in two frames: *with its body*, without what all of the body have in common, and *in the
+/// world*. Distances within a body change by the first, those of bodies by the second.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Displacements {
+    /// Where they were, by slot, m.
+    pub origins: Vectors,
+    /// By slot: how far each may be from there, m.
+    pub limits: [Vec<f32>; 2],
+    /// By body: the least of them.
+    least_limits: Vec<[f32; 2]>,
+    /// By slot: how far each is, or was at the start of the substep, m. Known where each was to be measured.
+    pub moved: [Vec<f32>; 2],
+}
+
+/// Which displacements count.
+#[derive(Clone, Copy)]
+pub(super) struct Measured<'a> {
+    pub primitives: &'a Primitives,
+    pub moving: Moving<'a>,
+    /// By body: in how many frames it is near something; 0 for one that has diverged.
+    pub frames: &'a [usize],
+}
+
+impl Displacements {
+    /// None has moved since the start of the substep.
+    pub fn begin(&mut self, moving: Moving, bodies: usize) {
+        self.origins.copy_from(moving.start);
+        let count = moving.particles.len();
+        self.limits.iter_mut().chain(&mut self.moved).for_each(|all| all.resize(count, 0.0));
+        self.least_limits.clear();
+        self.least_limits.resize(bodies, [f32::INFINITY; 2]);
+    }
+
+    /// Limits the displacement of a vertex of a body.
+    pub fn limit(&mut self, (body, slot, frame): (usize, usize, usize), limit: f32) {
+        self.limits[frame][slot] = limit;
+        let least = &mut self.least_limits[body][frame];
+        *least = least.min(limit);
+    }
+
+    /// Whether all are within their limits on their ways in the substep; `with_each` measures each. Calls `check` for each body that has
+    /// not diverged, and stops where that says no.
+    pub fn hold(
+        &mut self,
+        Measured { primitives, moving, frames }: Measured,
+        with_each: bool,
+        mut check: impl FnMut(usize, &Spread) -> bool,
+    ) -> bool {
+        for (number, body) in primitives.forest.bodies.iter().enumerate() {
+            let spread = Spread::of(&body.runs, moving, &self.origins);
+            if !check(number, &spread) {
+                return false;
+            }
+            let (frames, farthest, least) = (frames[number], spread.farthest(), self.least_limits[number]);
+            let are_all_clear = (0..frames).all(|frame| farthest[frame] <= least[frame]);
+            let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
+            for frame in 0..if with_each || !are_all_clear { frames } else { 0 } {
+                let mut is_beyond = false;
+                pulp::Arch::new().dispatch(EachMoved {
+                    runs: &body.runs,
+                    moving,
+                    origins: &self.origins,
+                    drift: drifts[frame],
+                    limits: &self.limits[frame],
+                    moved: &mut self.moved[frame],
+                    is_beyond: &mut is_beyond,
+                });
+                if is_beyond {
+                    return false;
+                }
+            }
+        }
+        primitives.balls.iter().all(|slot| {
+            let slot = *slot as usize;
+            let ends = moving.ends(slot);
+            let origin = Vec3A::from(self.origins.get(slot));
+            let far = ends.map(|end| end.distance(origin)).into_iter().fold(0.0, f32::max);
+            self.moved[1][slot] = if far.is_finite() { far } else { 0.0 };
+            self.moved[1][slot] <= self.limits[1][slot]
+        })
+    }
+
+    /// Begins at the start of the substep, with limits that are a `part` of those of `outer`, but a few ways in the substep at least: all
+    /// that hold these hold those. Whether there is room left for limits of half of that.
+    pub fn begin_within(&mut self, outer: &Self, measured: Measured, part: f32) -> bool {
+        let Measured { primitives, moving, frames } = measured;
+        self.begin(moving, primitives.forest.bodies.len());
+        let limit_of = |slot: usize, frame: usize, [before, way]: [f32; 2]| {
+            let most = outer.limits[frame][slot];
+            let wanted = (part * most).max(WAYS * way);
+            // All of it is left where `outer` begins in this substep, too.
+            let left = most - before;
+            (wanted.min(left), left < (0.5 * part * most).max(way))
+        };
+        for (number, body) in primitives.forest.bodies.iter().enumerate() {
+            let [own, other] =
+                [&self.origins, &outer.origins].map(|origins| Spread::of(&body.runs, moving, origins).drift());
+            for slot in primitives.forest.vertices_of(body).iter().map(|slot| *slot as usize) {
+                let [start, end] = moving.ends(slot);
+                let before = start - Vec3A::from(outer.origins.get(slot));
+                for frame in 0..frames[number] {
+                    let [drift, common] = if frame == 0 { [other[0], own[1]] } else { [Vec3A::ZERO; 2] };
+                    let lengths = [before - drift, end - start - common].map(|vector| vector.length());
+                    let lengths = lengths.map(|length| if length.is_finite() { length } else { 0.0 });
+                    let (limit, is_narrow) = limit_of(slot, frame, lengths);
+                    if is_narrow {
+                        return false;
+                    }
+                    self.limit((number, slot, frame), limit);
+                }
+            }
+        }
+        for slot in primitives.balls.iter().map(|slot| *slot as usize) {
+            let [start, end] = moving.ends(slot);
+            let lengths = [start - Vec3A::from(outer.origins.get(slot)), end - start].map(|way| way.length());
+            let lengths = lengths.map(|length| if length.is_finite() { length } else { 0.0 });
+            let (limit, is_narrow) = limit_of(slot, 1, lengths);
+            if is_narrow {
+                return false;
+            }
+            self.limits[1][slot] = limit;
+        }
+        true
+    }
+}
+
+/// Number of substeps, at most, for which limits are to hold what moves fast.
+const WAYS: f32 = 4.0;
