@@ -133,13 +133,6 @@ impl Planner {
         self.plan_islands(elements, settings, touching)
     }
 
-    /// Appends the pairs of islands of particles that touch, if they are of several ones.
-    pub fn note_islands(&self, slots: [u32; 4], touching: &mut Vec<[usize; 2]>) {
-        let mut islands = slots.iter().filter_map(|slot| self.islands.of(*slot as usize));
-        let Some(first) = islands.next() else { return };
-        touching.extend(islands.filter(|other| *other != first).map(|other| [first, other]));
-    }
-
     /// Bounds on the whole net in a medium of `viscosity` N·s/m.
     pub fn refresh_bounds(
         &mut self,

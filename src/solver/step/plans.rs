@@ -23,11 +23,11 @@ impl Caches {
         let State { particles, elements, exposed, .. } = state;
         let Self { planner, surfaces, touching, near_islands, .. } = self;
         touching.clear();
-        surfaces.find_touching(particles, (settings, skins), |slots| planner.note_islands(slots, touching));
+        let (islands, _) = planner.stiff_islands();
+        surfaces.find_touching(particles, (settings, skins, islands), touching);
         touching.sort_unstable();
         touching.dedup();
         let covered = surfaces.covered();
-        let (islands, _) = planner.stiff_islands();
         near_islands.begin_tick(Scene { islands, particles, covered, skins, settings });
         let (mut plan, mut known) = (first, 0);
         // What touches what has become stiff becomes so; and a plan that divides them in another place may part others.

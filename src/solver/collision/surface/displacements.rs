@@ -47,12 +47,12 @@ impl Displacements {
         *least = least.min(limit);
     }
 
-    /// Whether all are within their limits on their ways in the substep; `with_each` measures each. Calls `check` for each body that has
-    /// not diverged, and stops where that says no.
+    /// Whether all are within their limits on their ways in the substep, in the frames from `first_frame` on; `with_each` measures each.
+    /// Calls `check` for each body, and stops where that says no.
     pub fn hold(
         &mut self,
         Measured { primitives, moving, frames }: Measured,
-        with_each: bool,
+        (first_frame, with_each): (usize, bool),
         mut check: impl FnMut(usize, &Spread) -> bool,
     ) -> bool {
         for (number, body) in primitives.forest.bodies.iter().enumerate() {
@@ -61,9 +61,9 @@ impl Displacements {
                 return false;
             }
             let (frames, farthest, least) = (frames[number], spread.farthest(), self.least_limits[number]);
-            let are_all_clear = (0..frames).all(|frame| farthest[frame] <= least[frame]);
+            let are_all_clear = (first_frame..frames).all(|frame| farthest[frame] <= least[frame]);
             let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
-            for frame in 0..if with_each || !are_all_clear { frames } else { 0 } {
+            for frame in first_frame..if with_each || !are_all_clear { frames } else { 0 } {
                 let mut is_beyond = false;
                 pulp::Arch::new().dispatch(EachMoved {
                     runs: &body.runs,

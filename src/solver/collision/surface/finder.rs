@@ -25,8 +25,8 @@ pub(super) struct Finder<'a> {
     pub candidates: &'a mut Vec<Candidate>,
     /// How far vertices may get, see [`Displacements`](super::displacements::Displacements), m.
     pub limits: &'a [Vec<f32>; 2],
-    /// m.
-    pub margin: f32,
+    /// Within a body and of bodies, m.
+    pub margins: [f32; 2],
     /// The number of pairs, at most.
     pub most: usize,
 }
@@ -207,7 +207,8 @@ impl Finder<'_> {
         let corners = slots.map(|slot| Vec3A::from(self.moving.start.get(slot as usize)));
         // Less than the true one: what is told from it must not depend on rounding.
         let distance = closest(kind, &corners).apart.length() - distance_rounding(&corners);
-        let margin = self.margin + of_both(&self.limits[usize::from(!is_within)]);
+        let frame = usize::from(!is_within);
+        let margin = self.margins[frame] + of_both(&self.limits[frame]);
         if distance > reach + margin {
             return;
         }

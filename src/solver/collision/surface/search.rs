@@ -57,8 +57,8 @@ pub(super) struct Search {
     /// Number of times that it has been good enough since.
     age: u32,
     max_age: u32,
-    /// Distance from touching up to which pairs are listed, m.
-    margin: f32,
+    /// Distance from touching up to which pairs are found, within a body and of bodies, m.
+    margins: [f32; 2],
     /// Since the search: the limits are those of the boxes.
     displacements: Displacements,
     /// By slot: the boxes in which a vertex stays with its radius, with its body and in the world.
@@ -108,7 +108,7 @@ impl Moving<'_> {
 impl Search {
     /// The next substep searches.
     pub fn reset(&mut self) {
-        (self.is_good, self.margin, self.listed_margin) = (false, 0.0, 0.0);
+        (self.is_good, self.margins, self.listed_margin) = (false, [0.0; 2], 0.0);
     }
 
     /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found.
@@ -116,9 +116,9 @@ impl Search {
         if margin > self.listed_margin {
             (self.listed_margin, self.built) = (margin, 0);
         }
-        let is_good = self.is_still_good(primitives, margin) && self.hold_lists(primitives, moving, false);
-        if !is_good {
-            self.renew(primitives, moving, (skins, margin));
+        let margins = [margin; 2];
+        if !(self.is_still_good(primitives, margins) && self.hold_lists(primitives, moving, false)) {
+            self.renew(primitives, moving, (skins, margins, true));
             // Beyond all scales it may not hold even now: then all candidates are looked at.
             if !self.hold_lists(primitives, moving, true) {
                 self.list_all(moving);
@@ -130,17 +130,20 @@ impl Search {
         self.crossings.find(&self.candidates, &self.lists[1].displacements.moved, moving);
     }
 
-    /// Makes the candidates good for a way: all pairs that come within `margin` m of touching are among them, in an order that does not
-    /// depend on when they were found.
+    /// Makes the candidates good for a way: all pairs that come within `margin` m of touching are among them, those within a body only if
+    /// they are wanted, in an order that does not depend on when they were found.
     pub fn ensure_candidates(
         &mut self,
         primitives: &Primitives,
         moving: Moving,
-        (skins, margin): (&[Skin], f32),
+        (skins, margin, within): (&[Skin], f32, bool),
     ) {
-        if !(self.is_still_good(primitives, margin) && self.hold(0, primitives, moving, true)) {
-            self.renew(primitives, moving, (skins, margin));
-            if !self.hold(0, primitives, moving, true) {
+        let margins = [if within { margin } else { 0.0 }, margin];
+        let first_frame = usize::from(!within);
+        let is_good = self.is_still_good(primitives, margins);
+        if !(is_good && self.hold((0, first_frame), primitives, moving, true)) {
+            self.renew(primitives, moving, (skins, margins, within));
+            if !self.hold((0, first_frame), primitives, moving, true) {
                 self.displacements.moved.iter_mut().for_each(|moved| moved.fill(f32::INFINITY));
             }
         }
@@ -168,10 +171,11 @@ impl Search {
         candidate.least_distance(candidate.distance, &self.displacements.moved)
     }
 
-    /// Whether the last search found all pairs within `margin`. Those that were found for fast motions are too many for slow ones.
-    fn is_still_good(&mut self, primitives: &Primitives, margin: f32) -> bool {
+    /// Whether the last search found all pairs within the `margins`. Those that were found for fast motions are too many for slow ones.
+    fn is_still_good(&mut self, primitives: &Primitives, margins: [f32; 2]) -> bool {
         self.age = self.age.saturating_add(1);
-        self.is_good &= margin <= self.margin && !self.is_old(primitives);
+        let is_within = (0..2).all(|frame| margins[frame] <= self.margins[frame]);
+        self.is_good &= is_within && !self.is_old(primitives);
         self.is_good
     }
 
@@ -184,10 +188,16 @@ impl Search {
         self.candidates.len() > MANY_PAIRS * (forest.edges.len() + forest.triangles.len())
     }
 
-    /// Searches anew.
-    fn renew(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
+    /// Searches anew, with room for ways within bodies if these are wanted.
+    fn renew(
+        &mut self,
+        primitives: &Primitives,
+        moving: Moving,
+        (skins, margins, within): (&[Skin], [f32; 2], bool),
+    ) {
         let is_old = self.is_old(primitives);
-        self.margin = self.margin.max(margin);
+        (0..2).for_each(|frame| self.margins[frame] = self.margins[frame].max(margins[frame]));
+        self.make_boxes(primitives, moving, within);
         self.search(primitives, moving, skins);
         // Where that finds as many again, it is done less often.
         let is_in_vain = is_old && self.has_many(primitives);
@@ -208,7 +218,7 @@ impl Search {
         for level in (0..=self.built).rev() {
             self.built = level;
             let with_each = self.has_more() && !is_fresh || level == 2 && !self.lists[1].pairs.is_empty();
-            if self.hold(level, primitives, moving, with_each)
+            if self.hold((level, 0), primitives, moving, with_each)
                 && self.build_lists(primitives, moving, is_fresh)
             {
                 return true;
@@ -253,17 +263,24 @@ impl Search {
             return true;
         }
         self.crossings.list(&self.candidates, last);
-        self.hold(2, primitives, moving, true)
+        self.hold((2, 0), primitives, moving, true)
     }
 
-    /// Whether each vertex is within its limits of the search, for 0, or of a list.
-    fn hold(&mut self, level: usize, primitives: &Primitives, moving: Moving, with_each: bool) -> bool {
+    /// Whether each vertex is within its limits of the search, for 0, or of a list, in the frames from one on.
+    fn hold(
+        &mut self,
+        (level, first_frame): (usize, usize),
+        primitives: &Primitives,
+        moving: Moving,
+        with_each: bool,
+    ) -> bool {
         let Self { displacements, lists, frames, body_boxes, largest, .. } = self;
         let displacements = match level.checked_sub(1) {
             None => displacements,
             Some(list) => &mut lists[list].displacements,
         };
-        displacements.hold(Measured { primitives, moving, frames }, with_each, |number, spread| {
+        let measured = Measured { primitives, moving, frames };
+        displacements.hold(measured, (first_frame, with_each), |number, spread| {
             let has_diverged = has_diverged(primitives, number, spread, moving);
             let (all, reach) = (spread.position, largest[number]);
             let is_in = |end: Vec3A| body_boxes[number].contains(end, reach);
@@ -277,7 +294,6 @@ impl Search {
 
     fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
         let forest = &primitives.forest;
-        self.make_boxes(primitives, moving);
         for frame in 0..2 {
             let boxes = &self.boxes[frame];
             self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
@@ -291,7 +307,7 @@ impl Search {
         for (number, body) in forest.bodies.iter().enumerate() {
             self.body_boxes.push(enlarged(self.nodes[1][body.nodes.start as usize], self.ways[number]));
         }
-        let Self { candidates, nodes, edges, triangles, boxes, stack, displacements, margin, .. } = self;
+        let Self { candidates, nodes, edges, triangles, boxes, stack, displacements, margins, .. } = self;
         let [within, world] = [0, 1].map(|frame| Boxes {
             nodes: &nodes[frame],
             vertices: &boxes[frame],
@@ -302,7 +318,7 @@ impl Search {
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
         let mut finder =
-            Finder { primitives, moving, skins, candidates, limits: &displacements.limits, margin: *margin, most };
+            Finder { primitives, moving, skins, candidates, limits: &displacements.limits, margins: *margins, most };
         let families = moving.particles.families();
         for (body, _) in forest.bodies.iter().zip(&self.frames).filter(|(_, frames)| **frames > 0) {
             if is_one_family(forest.vertices_of(body), families) {
@@ -356,8 +372,8 @@ impl Search {
         }
     }
 
-    /// Computes the margins and boxes of the vertices.
-    fn make_boxes(&mut self, primitives: &Primitives, moving: Moving) {
+    /// Computes the margins and boxes of the vertices, with room for ways within bodies if these are wanted.
+    fn make_boxes(&mut self, primitives: &Primitives, moving: Moving, within: bool) {
         let Self { displacements, boxes, frames, ways, largest, .. } = self;
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         displacements.begin(moving, forest.bodies.len());
@@ -365,9 +381,9 @@ impl Search {
         frames.clear();
         ways.clear();
         largest.clear();
-        let margin = self.margin;
+        let margins = self.margins;
         let mut place = |slot: usize, way: Vec3A, frame: usize| {
-            let (limit, place) = margin_of(moving.ends(slot), way, (radius[slot], margin));
+            let (limit, place) = margin_of(moving.ends(slot), way, (radius[slot], margins[frame]));
             boxes[frame][slot] = place;
             limit
         };
@@ -378,7 +394,8 @@ impl Search {
             let mut thickest = 0.0_f32;
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 let [start, end] = moving.ends(slot);
-                for (frame, way) in [end - start - drift, end - start].into_iter().enumerate() {
+                let own = if within { end - start - drift } else { Vec3A::ZERO };
+                for (frame, way) in [own, end - start].into_iter().enumerate() {
                     displacements.limit((number, slot, frame), place(slot, way, frame));
                 }
                 thickest = thickest.max(radius[slot]);

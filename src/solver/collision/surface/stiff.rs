@@ -8,6 +8,7 @@ use super::contact::{Examination, Meeting};
 use super::pair::{CLOSE_PART, Kind, LEAST_PART};
 use super::search::{Candidate, Moving};
 use super::{Surfaces, rebound_of};
+use crate::solver::graph::Islands;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
@@ -115,14 +116,14 @@ impl Surfaces {
         found.sort_unstable_by_key(StiffContact::key);
     }
 
-    /// Calls `visit` with the corners of each pair that touches when a tick begins, or would in it in free flight.
+    /// Appends to `touching` the islands of each pair of several ones that touches when a tick begins, or would in it in free flight.
     pub fn find_touching(
         &mut self,
         particles: &Particles,
-        (settings, skins): (&StepSettings, &[Skin]),
-        mut visit: impl FnMut([u32; 4]),
+        (settings, skins, islands): (&StepSettings, &[Skin], &Islands),
+        touching: &mut Vec<[usize; 2]>,
     ) {
-        if !self.is_active {
+        if !self.is_active || islands.all().len() < 2 {
             return;
         }
         let Self { search, primitives, start, end, .. } = self;
@@ -139,19 +140,30 @@ impl Surfaces {
         let thickest = particles.radius().iter().copied().fold(0.0, f32::max);
         let margin = (MAX_ELEMENT_SHARE * longest).min(2.0 * thickest);
         let moving = Moving { start, end, particles };
-        search.ensure_candidates(primitives, moving, (skins, margin + CONTACT_HYSTERESIS * 2.0 * thickest));
-        for candidate in &search.candidates {
+        let reach = margin + CONTACT_HYSTERESIS * 2.0 * thickest;
+        let forest = &primitives.forest;
+        let within = forest.bodies.iter().any(|body| several(islands, forest.vertices_of(body)).next().is_some());
+        search.ensure_candidates(primitives, moving, (skins, reach, within));
+        for candidate in search.candidates.iter().filter(|candidate| within || !candidate.is_within) {
             let most = (1.0 + CONTACT_HYSTERESIS) * candidate.largest_reach() + margin;
-            if search.least_distance_of(candidate) > most {
+            let mut pairs = several(islands, &candidate.slots).peekable();
+            if pairs.peek().is_none() || search.least_distance_of(candidate) > most {
                 continue;
             }
             let ways = candidate.ways(moving);
             let distance = ways.closest(0.0).apart.length();
             if distance <= most || ways.first_near(distance, most / (1.0 + CLOSE_PART)) < 1.0 {
-                visit(candidate.slots);
+                touching.extend(pairs);
             }
         }
     }
+}
+
+/// The islands that free ones of some particles are of, the first of them with each other one.
+fn several<'a>(islands: &'a Islands, slots: &'a [u32]) -> impl Iterator<Item = [usize; 2]> + 'a {
+    let mut own = slots.iter().filter_map(|slot| islands.of(*slot as usize));
+    let first = own.next();
+    own.filter_map(move |other| first.filter(|first| *first != other).map(|first| [first, other]))
 }
 
 fn stiff_contact(
