@@ -3,7 +3,7 @@
 use bevy::math::{Vec3, Vec3A};
 
 use super::lists::Near;
-use super::pair::{CLOSE_PART, Kind, Ways};
+use super::pair::{CLOSE_PART, Kind, Ways, least_apart, rounding_of};
 use super::primitives::owns;
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
@@ -161,8 +161,11 @@ impl Examination<'_> {
             return None;
         }
         let ways = candidate.ways(self.moving);
-        let distance = ways.closest(0.0).apart.length();
         let way = ways.relative_way();
+        if least_apart(candidate.kind, &ways.start) - rounding_of(&ways.start) - way > largest + slop {
+            return None;
+        }
+        let distance = ways.closest(0.0).apart.length();
         if (distance - way).is_nan()
             || distance - way > largest + slop
             || distance <= COINCIDENT * candidate.reach

@@ -102,8 +102,8 @@ impl Displacements {
             (wanted.min(left), left < (0.5 * part * most).max(way))
         };
         for (number, body) in primitives.forest.bodies.iter().enumerate() {
-            let [own, other] =
-                [&self.origins, &outer.origins].map(|origins| Spread::of(&body.runs, moving, origins).drift());
+            let [own, other] = [&self.origins, &outer.origins]
+                .map(|origins| Spread::of(&body.runs, moving, origins).drift());
             for slot in primitives.forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 let [start, end] = moving.ends(slot);
                 let before = start - Vec3A::from(outer.origins.get(slot));

@@ -5,16 +5,13 @@ use std::ops::Range;
 use bevy::math::Vec3A;
 
 use super::closest::closest;
-use super::pair::Kind;
+use super::pair::{Kind, least_apart, rounding_of};
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
 use super::tree::{Box3, CLUSTER};
 use crate::solver::graph::Exclusions;
 
 use super::super::material::{Skin, skin_of};
-
-/// Rounding of distances and ways, as a part of a coordinate.
-const DISTANCE_ROUNDING: f32 = 2e-6;
 
 /// Lists the pairs of primitives with overlapping boxes.
 pub(super) struct Finder<'a> {
@@ -205,27 +202,27 @@ impl Finder<'_> {
         let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
         let reach = of_both(particles.radius());
         let corners = slots.map(|slot| Vec3A::from(self.moving.start.get(slot as usize)));
-        // Less than the true one: what is told from it must not depend on rounding.
-        let distance = closest(kind, &corners).apart.length() - distance_rounding(&corners);
         let frame = usize::from(!is_within);
         let margin = self.margins[frame] + of_both(&self.limits[frame]);
-        if distance > reach + margin {
+        // Less than the true one: what is told from it must not depend on rounding.
+        let rounding = rounding_of(&corners);
+        let least = least_apart(kind, &corners) - rounding;
+        if least > reach + margin {
             return;
         }
         let way = self.primitives.near.way(&slots[..sides], &slots[sides..]);
         // No way is between those that share a corner which a tear has split.
-        if way == 0.0 || distance > 0.5 * way + margin {
+        let is_far = |distance: f32| distance > reach + margin || distance > 0.5 * way + margin;
+        if way == 0.0 || is_far(least) {
+            return;
+        }
+        let distance = closest(kind, &corners).apart.length() - rounding;
+        if is_far(distance) {
             return;
         }
         let most = 0.5 * way;
         self.candidates.push(Candidate { slots, kind, marks, is_within, distance, reach, most });
     }
-}
-
-/// By how much rounding may change the distance of two primitives with some corners, m.
-pub(super) fn distance_rounding(corners: &[Vec3A; 4]) -> f32 {
-    let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
-    DISTANCE_ROUNDING * farthest.max_element()
 }
 
 /// Whether no pair of a body collides: all its particles are of one family.

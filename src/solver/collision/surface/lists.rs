@@ -7,7 +7,7 @@
 
 use super::closest::closest;
 use super::displacements::{Displacements, Measured};
-use super::finder::distance_rounding;
+use super::pair::{least_apart, rounding_of};
 use super::search::{Candidate, Moving};
 
 /// The limits of a list as a part of those of the one before, or of the search.
@@ -52,7 +52,11 @@ impl List {
                     continue;
                 }
                 let corners = candidate.slots.map(|slot| start.get(slot as usize).into());
-                distance = closest(candidate.kind, &corners).apart.length() - distance_rounding(&corners);
+                let rounding = rounding_of(&corners);
+                if !may_touch(least_apart(candidate.kind, &corners) - rounding) {
+                    continue;
+                }
+                distance = closest(candidate.kind, &corners).apart.length() - rounding;
             }
             if may_touch(distance) {
                 self.pairs.push(Near { number, distance });

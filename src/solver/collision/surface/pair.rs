@@ -35,8 +35,33 @@ pub(super) const LEAST_PART: f32 = 0.1;
 /// The part of the least distance, beyond it, within which two have come near; of what was between them, if that is less.
 pub(super) const CLOSE_PART: f32 = 0.25;
 
+/// Rounding of distances and ways, as a part of a coordinate.
+const DISTANCE_ROUNDING: f32 = 2e-6;
+
 /// Number of steps of a conservative advancement, at most.
 const MAX_STEPS: u32 = 256;
+
+/// A distance that the two sides of a pair have at least, m, but for [`rounding_of`]: the distance along the line of their centres.
+/// It is much cheaper than that of the closest points, and not much less for what lies side by side, as neighbours on a mesh do.
+#[inline]
+pub(super) fn least_apart(kind: Kind, corners: &[Vec3A; 4]) -> f32 {
+    // Relative to a corner, so that little is lost by rounding.
+    let [a, b, c] = [1, 2, 3].map(|corner| corners[corner] - corners[0]);
+    let (direction, own, others) = match kind {
+        Kind::VertexFace => ((a + b + c) / -3.0, Vec3A::ZERO, [a, b, c]),
+        Kind::EdgeEdge => (0.5 * (a - b - c), a, [b, c, c]),
+        Kind::VertexEdge => (-0.5 * (a + b), Vec3A::ZERO, [a, b, b]),
+    };
+    let direction = direction.normalize_or_zero();
+    let along = others.map(|other| direction.dot(other));
+    direction.dot(own).min(0.0) - along[0].max(along[1]).max(along[2])
+}
+
+/// By how much rounding may change the distance of two primitives with some corners, m.
+pub(super) fn rounding_of(corners: &[Vec3A; 4]) -> f32 {
+    let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
+    DISTANCE_ROUNDING * farthest.max_element()
+}
 
 /// The straight paths of the corners of a pair.
 #[derive(Debug, Clone, Copy)]
@@ -143,6 +168,26 @@ mod tests {
         assert_eq!(flight(Vec3A::Z + Vec3A::X * 3.0, Vec3A::Z * -1000.0).first_near(2.0, 0.1), 1.0);
         assert_eq!(flight(Vec3A::Z, Vec3A::Z * 1000.0).first_near(1.0, 0.1), 1.0);
         assert!(through.gap(Vec3A::Z, 1.0) < 0.0 && flight(Vec3A::Z, Vec3A::X).gap(Vec3A::Z, 1.0) > 0.9);
+    }
+
+    #[test]
+    fn the_distance_along_the_line_of_centres_is_never_too_large() {
+        for kind in [Kind::VertexFace, Kind::EdgeEdge, Kind::VertexEdge] {
+            for number in 0..1000 {
+                let corners: [Vec3A; 4] = std::array::from_fn(|corner| {
+                    let place = (4 * number + corner) as f32 + Vec3A::new(0.1, 0.4, 0.7);
+                    2.0 * (place * Vec3A::new(0.618, 0.414, 0.732)).fract() - 1.0
+                });
+                let (least, distance) = (least_apart(kind, &corners), closest(kind, &corners).apart.length());
+                assert!(
+                    least <= distance + rounding_of(&corners),
+                    "{kind:?} {corners:?}: {least} > {distance}"
+                );
+            }
+        }
+        // Side by side it is exact.
+        let edges = [Vec3A::X, Vec3A::Y, Vec3A::new(3.0, 0.0, 0.0), Vec3A::new(3.0, 1.0, 0.0)];
+        assert!((least_apart(Kind::EdgeEdge, &edges) - 2.0).abs() < 1e-6);
     }
 
     #[test]

@@ -317,8 +317,15 @@ impl Search {
         });
         candidates.clear();
         let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
-        let mut finder =
-            Finder { primitives, moving, skins, candidates, limits: &displacements.limits, margins: *margins, most };
+        let mut finder = Finder {
+            primitives,
+            moving,
+            skins,
+            candidates,
+            limits: &displacements.limits,
+            margins: *margins,
+            most,
+        };
         let families = moving.particles.families();
         for (body, _) in forest.bodies.iter().zip(&self.frames).filter(|(_, frames)| **frames > 0) {
             if is_one_family(forest.vertices_of(body), families) {

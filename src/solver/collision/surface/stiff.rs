@@ -142,7 +142,8 @@ impl Surfaces {
         let moving = Moving { start, end, particles };
         let reach = margin + CONTACT_HYSTERESIS * 2.0 * thickest;
         let forest = &primitives.forest;
-        let within = forest.bodies.iter().any(|body| several(islands, forest.vertices_of(body)).next().is_some());
+        let within =
+            forest.bodies.iter().any(|body| several(islands, forest.vertices_of(body)).next().is_some());
         search.ensure_candidates(primitives, moving, (skins, reach, within));
         for candidate in search.candidates.iter().filter(|candidate| within || !candidate.is_within) {
             let most = (1.0 + CONTACT_HYSTERESIS) * candidate.largest_reach() + margin;
