@@ -1,4 +1,4 @@
-//! Walks down the trees of two bodies, and lists the primitives with overlapping boxes.
+//! Lists the primitives of clusters with overlapping boxes.
 
 use std::ops::Range;
 
@@ -13,19 +13,23 @@ use crate::solver::graph::Exclusions;
 
 use super::super::material::{Skin, skin_of};
 
-/// Lists the pairs of primitives with overlapping boxes.
-pub(super) struct Finder<'a> {
+/// What pairs are wanted.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted<'a> {
     pub primitives: &'a Primitives,
     pub moving: Moving<'a>,
     /// See [`super::super::material::skin_of`].
     pub skins: &'a [Skin],
-    pub candidates: &'a mut Vec<Candidate>,
     /// How far vertices may get, see [`Displacements`](super::displacements::Displacements), m.
     pub limits: &'a [Vec<f32>; 2],
     /// Within a body and of bodies, m.
     pub margins: [f32; 2],
-    /// The number of pairs, at most.
-    pub most: usize,
+}
+
+/// Lists the pairs of primitives with overlapping boxes.
+pub(super) struct Finder<'a> {
+    pub wanted: Wanted<'a>,
+    pub candidates: &'a mut Vec<Candidate>,
 }
 
 /// The boxes of all that has one, and whether pairs are within a body.
@@ -61,81 +65,25 @@ impl Overlapping {
 }
 
 impl Finder<'_> {
-    /// Looks for pairs below two nodes.
-    pub fn walk(&mut self, pair: [u32; 2], boxes: Boxes, stack: &mut Vec<[u32; 2]>) {
-        let nodes = boxes.nodes;
-        let forest = &self.primitives.forest;
-        stack.clear();
-        stack.push(pair);
-        while let Some([one, other]) = stack.pop() {
-            if self.candidates.len() >= self.most {
-                return;
-            }
-            let [first, second] = [one, other].map(|node| forest.nodes[node as usize]);
-            if one == other {
-                match first.is_leaf {
-                    true => self.test_clusters([first.second; 2], boxes, [one; 2]),
-                    false => stack.extend([
-                        [one + 1, one + 1],
-                        [first.second, first.second],
-                        [one + 1, first.second],
-                    ]),
-                }
-                continue;
-            }
-            if !nodes[one as usize].overlaps(&nodes[other as usize]) {
-                continue;
-            }
-            match (first.is_leaf, second.is_leaf) {
-                (true, true) => {
-                    let clusters = [first.second, second.second];
-                    self.test_clusters(clusters, boxes, [one, other]);
-                }
-                (false, true) => stack.extend([[one + 1, other], [first.second, other]]),
-                (true, false) => stack.extend([[one, other + 1], [one, second.second]]),
-                (false, false) => stack.extend([
-                    [one + 1, other + 1],
-                    [one + 1, second.second],
-                    [first.second, other + 1],
-                    [first.second, second.second],
-                ]),
-            }
+    /// Looks for pairs of a ball with what is in a cluster.
+    pub fn test_ball(&mut self, slot: u32, number: u32, boxes: Boxes) {
+        let (own, forest) = (boxes.vertices[slot as usize], &self.wanted.primitives.forest);
+        let cluster = &forest.clusters[number as usize];
+        for number in Overlapping::of(&cluster.triangles, boxes.triangles, &own).iter() {
+            self.add_vertex_face(slot, &forest.triangles[number], false);
         }
-    }
-
-    /// Looks for pairs of a ball with what is below a node.
-    pub fn walk_ball(&mut self, root: u32, slot: u32, boxes: Boxes, stack: &mut Vec<[u32; 2]>) {
-        let Boxes { nodes, vertices, .. } = boxes;
-        let forest = &self.primitives.forest;
-        let own = vertices[slot as usize];
-        stack.clear();
-        stack.push([root; 2]);
-        while let Some([node, _]) = stack.pop() {
-            if !nodes[node as usize].overlaps(&own) {
-                continue;
-            }
-            let second = forest.nodes[node as usize].second;
-            if !forest.nodes[node as usize].is_leaf {
-                stack.extend([[node + 1; 2], [second; 2]]);
-                continue;
-            }
-            let cluster = &forest.clusters[second as usize];
-            for number in Overlapping::of(&cluster.triangles, boxes.triangles, &own).iter() {
-                self.add_vertex_face(slot, &forest.triangles[number], false);
-            }
-            for number in Overlapping::of(&cluster.edges, boxes.edges, &own).iter() {
-                let edge = &forest.edges[number];
-                if edge.marks & owns::FACE == 0 {
-                    let [a, b, _] = edge.corners;
-                    self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], false);
-                }
+        for number in Overlapping::of(&cluster.edges, boxes.edges, &own).iter() {
+            let edge = &forest.edges[number];
+            if edge.marks & owns::FACE == 0 {
+                let [a, b, _] = edge.corners;
+                self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], false);
             }
         }
     }
 
     /// Looks for pairs between two clusters, or within one.
-    fn test_clusters(&mut self, numbers: [u32; 2], boxes: Boxes, at: [u32; 2]) {
-        let forest = &self.primitives.forest;
+    pub fn test_clusters(&mut self, numbers: [u32; 2], boxes: Boxes, at: [u32; 2]) {
+        let forest = &self.wanted.primitives.forest;
         let clusters = numbers.map(|number| &forest.clusters[number as usize]);
         let nodes = at.map(|node| boxes.nodes[node as usize]);
         let is_same = numbers[0] == numbers[1];
@@ -185,12 +133,13 @@ impl Finder<'_> {
 
     /// Whether the layers of two particles meet.
     fn may_meet(&self, one: u32, other: u32) -> bool {
-        let layers = |slot: u32| skin_of(self.skins, slot as usize).layers;
-        self.skins.is_empty() || layers(one).meet(layers(other))
+        let layers = |slot: u32| skin_of(self.wanted.skins, slot as usize).layers;
+        self.wanted.skins.is_empty() || layers(one).meet(layers(other))
     }
 
     fn add(&mut self, slots: [u32; 4], kind: Kind, marks: [u8; 2], is_within: bool) {
-        let particles = self.moving.particles;
+        let Wanted { primitives, moving, limits, margins, .. } = self.wanted;
+        let particles = moving.particles;
         let is_free = |slot: &u32| !particles.is_pinned(*slot as usize);
         let is_exempt = Exclusions::are_of_one_family(particles.families(), slots[0], slots[3]);
         if is_exempt || !slots.iter().any(is_free) || !self.may_meet(slots[0], slots[3]) {
@@ -201,16 +150,16 @@ impl Finder<'_> {
             |of: &[f32], slots: &[u32]| slots.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max);
         let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
         let reach = of_both(particles.radius());
-        let corners = slots.map(|slot| Vec3A::from(self.moving.start.get(slot as usize)));
+        let corners = slots.map(|slot| Vec3A::from(moving.start.get(slot as usize)));
         let frame = usize::from(!is_within);
-        let margin = self.margins[frame] + of_both(&self.limits[frame]);
+        let margin = margins[frame] + of_both(&limits[frame]);
         // Less than the true one: what is told from it must not depend on rounding.
         let rounding = rounding_of(&corners);
         let least = least_apart(kind, &corners) - rounding;
         if least > reach + margin {
             return;
         }
-        let way = self.primitives.near.way(&slots[..sides], &slots[sides..]);
+        let way = primitives.near.way(&slots[..sides], &slots[sides..]);
         // No way is between those that share a corner which a tear has split.
         let is_far = |distance: f32| distance > reach + margin || distance > 0.5 * way + margin;
         if way == 0.0 || is_far(least) {

@@ -43,6 +43,7 @@ mod solve;
 mod spread;
 mod stiff;
 mod tree;
+mod walks;
 
 use advance::Advance;
 use confine::{ATTEMPTS, Confinement};

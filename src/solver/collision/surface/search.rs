@@ -8,18 +8,16 @@ use bevy::math::Vec3A;
 
 use super::crossing::Crossings;
 use super::displacements::{Displacements, Measured};
-use super::finder::{Boxes, Finder, is_one_family};
+use super::finder::Wanted;
 use super::lists::{List, Near};
 use super::pair::Kind;
 use super::primitives::Primitives;
-use super::spread::{Spread, enlarged, margin_of};
-use super::tree::{Box3, fit_primitives};
+use super::spread::{Spread, margin_of};
+use super::tree::Box3;
+use super::walks::Walks;
 use crate::solver::particles::{Particles, Vectors};
 
 use super::super::material::Skin;
-
-/// Greatest number of pairs: for each primitive, and beside that. Bodies that are put into each other have more.
-const MAX_PAIRS: [usize; 2] = [200, 100_000];
 
 /// A body with a vertex farther from its mean than this many of its sizes has diverged and no longer collides.
 const MAX_EXTENT: f32 = 10.0;
@@ -71,22 +69,13 @@ pub(super) struct Search {
     listed_margin: f32,
     /// The pairs that cross at the start of the substep.
     pub crossings: Crossings,
-    /// The boxes of nodes, edges and triangles, with their body and in the world.
-    nodes: [Vec<Box3>; 2],
-    edges: [Vec<Box3>; 2],
-    triangles: [Vec<Box3>; 2],
-    /// By body: its box, where it has been.
-    body_boxes: Vec<Box3>,
+    walks: Walks,
     /// By body: see [`Measured`].
     frames: Vec<usize>,
     /// By body: how far it moves as a whole in the substep of the search, m.
     ways: Vec<Vec3A>,
     /// By body: the greatest radius, m.
     largest: Vec<f32>,
-    order: Vec<(f32, u32)>,
-    /// The pairs of bodies, balls behind them, with overlapping boxes.
-    partners: Vec<[u32; 2]>,
-    stack: Vec<[u32; 2]>,
 }
 
 /// The particles at the start and at the end of a substep.
@@ -198,7 +187,9 @@ impl Search {
         let is_old = self.is_old(primitives);
         (0..2).for_each(|frame| self.margins[frame] = self.margins[frame].max(margins[frame]));
         self.make_boxes(primitives, moving, within);
-        self.search(primitives, moving, skins);
+        let Self { displacements, boxes, frames, candidates, margins, .. } = self;
+        let wanted = Wanted { primitives, moving, skins, limits: &displacements.limits, margins: *margins };
+        self.is_overfull = !self.walks.find(wanted, boxes, (frames, &self.ways), candidates);
         // Where that finds as many again, it is done less often.
         let is_in_vain = is_old && self.has_many(primitives);
         self.max_age = if is_in_vain { self.max_age.max(MAX_AGE).saturating_mul(2) } else { MAX_AGE };
@@ -274,7 +265,7 @@ impl Search {
         moving: Moving,
         with_each: bool,
     ) -> bool {
-        let Self { displacements, lists, frames, body_boxes, largest, .. } = self;
+        let Self { displacements, lists, frames, walks, largest, .. } = self;
         let displacements = match level.checked_sub(1) {
             None => displacements,
             Some(list) => &mut lists[list].displacements,
@@ -283,100 +274,13 @@ impl Search {
         displacements.hold(measured, (first_frame, with_each), |number, spread| {
             let has_diverged = has_diverged(primitives, number, spread, moving);
             let (all, reach) = (spread.position, largest[number]);
-            let is_in = |end: Vec3A| body_boxes[number].contains(end, reach);
+            let is_in = |end: Vec3A| walks.body_boxes[number].contains(end, reach);
             match frames[number] {
                 0 => has_diverged,
                 1 => !has_diverged && is_in(all.least) && is_in(all.most),
                 _ => !has_diverged,
             }
         })
-    }
-
-    fn search(&mut self, primitives: &Primitives, moving: Moving, skins: &[Skin]) {
-        let forest = &primitives.forest;
-        for frame in 0..2 {
-            let boxes = &self.boxes[frame];
-            self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
-            forest.bodies.iter().for_each(|body| forest.fit(body, boxes, &mut self.nodes[frame]));
-            if frame == 0 || forest.bodies.len() + primitives.balls.len() > 1 {
-                fit_primitives(&forest.edges, boxes, &mut self.edges[frame]);
-                fit_primitives(&forest.triangles, boxes, &mut self.triangles[frame]);
-            }
-        }
-        self.body_boxes.clear();
-        for (number, body) in forest.bodies.iter().enumerate() {
-            self.body_boxes.push(enlarged(self.nodes[1][body.nodes.start as usize], self.ways[number]));
-        }
-        let Self { candidates, nodes, edges, triangles, boxes, stack, displacements, margins, .. } = self;
-        let [within, world] = [0, 1].map(|frame| Boxes {
-            nodes: &nodes[frame],
-            vertices: &boxes[frame],
-            edges: &edges[frame],
-            triangles: &triangles[frame],
-            is_within: frame == 0,
-        });
-        candidates.clear();
-        let most = MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1];
-        let mut finder = Finder {
-            primitives,
-            moving,
-            skins,
-            candidates,
-            limits: &displacements.limits,
-            margins: *margins,
-            most,
-        };
-        let families = moving.particles.families();
-        for (body, _) in forest.bodies.iter().zip(&self.frames).filter(|(_, frames)| **frames > 0) {
-            if is_one_family(forest.vertices_of(body), families) {
-                continue;
-            }
-            let root = body.nodes.start;
-            finder.walk([root, root], within, stack);
-        }
-        // The boxes of bodies, swept along x; balls are bodies, too.
-        self.order.clear();
-        let present = (0..).zip(&self.body_boxes).filter(|(number, _)| self.frames[*number as usize] > 0);
-        self.order.extend(present.map(|(number, body)| (body.least.x, number)));
-        let bodies = forest.bodies.len() as u32;
-        let balls = (bodies..).zip(&primitives.balls);
-        self.order.extend(balls.map(|(number, slot)| (world.vertices[*slot as usize].least.x, number)));
-        self.order.sort_unstable_by(|(one, a), (other, b)| one.total_cmp(other).then(a.cmp(b)));
-        let box_of = |number: u32| match number.checked_sub(bodies) {
-            None => self.body_boxes[number as usize],
-            Some(ball) => world.vertices[primitives.balls[ball as usize] as usize],
-        };
-        self.partners.clear();
-        for (place, (_, one)) in self.order.iter().enumerate() {
-            let own = box_of(*one);
-            let others = self.order[place + 1..].iter().take_while(|(least, _)| *least <= own.most.x);
-            for (_, other) in others {
-                let is_mesh = *one < bodies || *other < bodies;
-                if is_mesh && own.overlaps(&box_of(*other)) {
-                    self.partners.push([*one.min(other), *one.max(other)]);
-                }
-            }
-        }
-        self.partners.sort_unstable();
-        for [one, other] in self.partners.iter().copied() {
-            self.frames[one as usize] = 2;
-            let root = forest.bodies[one as usize].nodes.start;
-            match other.checked_sub(bodies) {
-                None => {
-                    self.frames[other as usize] = 2;
-                    let other = forest.bodies[other as usize].nodes.start;
-                    finder.walk([root, other], world, stack);
-                }
-                Some(ball) => {
-                    let slot = primitives.balls[ball as usize];
-                    finder.walk_ball(root, slot, world, stack);
-                }
-            }
-        }
-        self.is_overfull = self.candidates.len() >= most;
-        if self.is_overfull {
-            self.candidates.clear();
-        }
     }
 
     /// Computes the margins and boxes of the vertices, with room for ways within bodies if these are wanted.

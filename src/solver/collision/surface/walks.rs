@@ -1,0 +1,255 @@
+//! Walks down the trees of all bodies, to the clusters with overlapping boxes, which are then looked at on all threads.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bevy::math::Vec3A;
+
+use super::finder::{Boxes, Finder, Wanted, is_one_family};
+use super::search::Candidate;
+use super::spread::enlarged;
+use super::tree::{Box3, Forest, fit_primitives};
+use crate::solver::parallel;
+
+/// Greatest number of pairs: for each primitive, and beside that. Bodies that are put into each other have more.
+const MAX_PAIRS: [usize; 2] = [200, 100_000];
+
+/// Number of tasks of a part of the work.
+const PART: usize = 32;
+
+/// Number of tasks from which on all threads take part: some milliseconds of work.
+const MIN_SHARED: usize = 512;
+
+/// Number of tasks that are kept, at most.
+const MAX_TASKS: usize = 1 << 16;
+
+/// Clusters in which pairs are looked for.
+#[derive(Debug, Clone, Copy)]
+enum Task {
+    /// Two leaves of trees, of one body or of two, or twice the same one.
+    Leaves { nodes: [u32; 2], is_within: bool },
+    /// The ball in a slot, and a leaf.
+    Ball { slot: u32, node: u32 },
+}
+
+/// Boxes and working memory.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Walks {
+    /// The boxes of nodes, edges and triangles, with their body and in the world.
+    nodes: [Vec<Box3>; 2],
+    edges: [Vec<Box3>; 2],
+    triangles: [Vec<Box3>; 2],
+    /// By body: its box, where it has been.
+    pub body_boxes: Vec<Box3>,
+    order: Vec<(f32, u32)>,
+    /// The pairs of bodies, balls behind them, with overlapping boxes.
+    partners: Vec<[u32; 2]>,
+    stack: Vec<[u32; 2]>,
+    tasks: Vec<Task>,
+    parts: Vec<Vec<Candidate>>,
+}
+
+impl Walks {
+    /// Finds the pairs with overlapping boxes, in an order that follows from the mesh alone; false, and none, where there are too many.
+    /// The `boxes` are those of vertices, by slot, with their body and in the world. By body: in how many `frames` it is near something,
+    /// 1 or 0 if it has diverged, to which those are added that have a partner; and its way as a whole, m.
+    pub fn find(
+        &mut self,
+        wanted: Wanted,
+        boxes: &[Vec<Box3>; 2],
+        (frames, ways): (&mut [usize], &[Vec3A]),
+        candidates: &mut Vec<Candidate>,
+    ) -> bool {
+        let Wanted { primitives, moving, .. } = wanted;
+        let forest = &primitives.forest;
+        self.fit(wanted, boxes, ways);
+        candidates.clear();
+        self.tasks.clear();
+        let families = moving.particles.families();
+        for (body, _) in forest.bodies.iter().zip(&*frames).filter(|(_, frames)| **frames > 0) {
+            if !is_one_family(forest.vertices_of(body), families) {
+                self.walk([body.nodes.start; 2], true, (wanted, boxes, candidates));
+            }
+        }
+        self.find_partners(wanted, &boxes[1], frames);
+        let partners = std::mem::take(&mut self.partners);
+        let bodies = forest.bodies.len() as u32;
+        for [one, other] in partners.iter().copied() {
+            frames[one as usize] = 2;
+            let root = forest.bodies[one as usize].nodes.start;
+            match other.checked_sub(bodies) {
+                None => {
+                    frames[other as usize] = 2;
+                    let other = forest.bodies[other as usize].nodes.start;
+                    self.walk([root, other], false, (wanted, boxes, candidates));
+                }
+                Some(ball) => {
+                    self.walk_ball(root, primitives.balls[ball as usize], forest, &boxes[1]);
+                }
+            }
+        }
+        self.partners = partners;
+        self.work((wanted, boxes, candidates));
+        let is_overfull = candidates.len() >= most_of(forest);
+        if is_overfull {
+            candidates.clear();
+        }
+        !is_overfull
+    }
+
+    /// Fits all boxes.
+    fn fit(&mut self, Wanted { primitives, .. }: Wanted, boxes: &[Vec<Box3>; 2], ways: &[Vec3A]) {
+        let forest = &primitives.forest;
+        for (frame, boxes) in boxes.iter().enumerate() {
+            self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
+            forest.bodies.iter().for_each(|body| forest.fit(body, boxes, &mut self.nodes[frame]));
+            if frame == 0 || forest.bodies.len() + primitives.balls.len() > 1 {
+                fit_primitives(&forest.edges, boxes, &mut self.edges[frame]);
+                fit_primitives(&forest.triangles, boxes, &mut self.triangles[frame]);
+            }
+        }
+        self.body_boxes.clear();
+        let roots = forest.bodies.iter().map(|body| self.nodes[1][body.nodes.start as usize]);
+        self.body_boxes.extend(roots.zip(ways).map(|(root, way)| enlarged(root, *way)));
+    }
+
+    /// Finds the pairs of bodies, and of bodies and balls, with overlapping boxes.
+    fn find_partners(&mut self, Wanted { primitives, .. }: Wanted, vertices: &[Box3], frames: &[usize]) {
+        // The boxes of bodies, swept along x; balls are bodies, too.
+        let Self { body_boxes, order, partners, .. } = self;
+        order.clear();
+        let present = (0..).zip(&*body_boxes).filter(|(number, _)| frames[*number as usize] > 0);
+        order.extend(present.map(|(number, body)| (body.least.x, number)));
+        let bodies = body_boxes.len() as u32;
+        let balls = (bodies..).zip(&primitives.balls);
+        order.extend(balls.map(|(number, slot)| (vertices[*slot as usize].least.x, number)));
+        order.sort_unstable_by(|(one, a), (other, b)| one.total_cmp(other).then(a.cmp(b)));
+        let box_of = |number: u32| match number.checked_sub(bodies) {
+            None => body_boxes[number as usize],
+            Some(ball) => vertices[primitives.balls[ball as usize] as usize],
+        };
+        partners.clear();
+        for (place, (_, one)) in order.iter().enumerate() {
+            let own = box_of(*one);
+            let others = order[place + 1..].iter().take_while(|(least, _)| *least <= own.most.x);
+            for (_, other) in others {
+                let is_mesh = *one < bodies || *other < bodies;
+                if is_mesh && own.overlaps(&box_of(*other)) {
+                    partners.push([*one.min(other), *one.max(other)]);
+                }
+            }
+        }
+        partners.sort_unstable();
+    }
+
+    /// Lists the leaves with overlapping boxes below two nodes.
+    fn walk(
+        &mut self,
+        pair: [u32; 2],
+        is_within: bool,
+        (wanted, boxes, candidates): (Wanted, &[Vec<Box3>; 2], &mut Vec<Candidate>),
+    ) {
+        let forest = &wanted.primitives.forest;
+        self.stack.clear();
+        self.stack.push(pair);
+        while let Some([one, other]) = self.stack.pop() {
+            if self.tasks.len() >= MAX_TASKS {
+                self.work((wanted, boxes, candidates));
+            }
+            if candidates.len() >= most_of(forest) {
+                return;
+            }
+            let Self { stack, tasks, nodes, .. } = self;
+            let nodes = &nodes[usize::from(!is_within)];
+            let [first, second] = [one, other].map(|node| forest.nodes[node as usize]);
+            if one == other {
+                match first.is_leaf {
+                    true => tasks.push(Task::Leaves { nodes: [one; 2], is_within }),
+                    false => stack.extend([
+                        [one + 1, one + 1],
+                        [first.second, first.second],
+                        [one + 1, first.second],
+                    ]),
+                }
+                continue;
+            }
+            if !nodes[one as usize].overlaps(&nodes[other as usize]) {
+                continue;
+            }
+            match (first.is_leaf, second.is_leaf) {
+                (true, true) => tasks.push(Task::Leaves { nodes: [one, other], is_within }),
+                (false, true) => stack.extend([[one + 1, other], [first.second, other]]),
+                (true, false) => stack.extend([[one, other + 1], [one, second.second]]),
+                (false, false) => stack.extend([
+                    [one + 1, other + 1],
+                    [one + 1, second.second],
+                    [first.second, other + 1],
+                    [first.second, second.second],
+                ]),
+            }
+        }
+    }
+
+    /// Lists the leaves below a node with boxes that overlap that of a ball.
+    fn walk_ball(&mut self, root: u32, slot: u32, forest: &Forest, vertices: &[Box3]) {
+        let own = vertices[slot as usize];
+        self.stack.clear();
+        self.stack.push([root; 2]);
+        while let Some([node, _]) = self.stack.pop() {
+            if !self.nodes[1][node as usize].overlaps(&own) {
+                continue;
+            }
+            let second = forest.nodes[node as usize].second;
+            match forest.nodes[node as usize].is_leaf {
+                true => self.tasks.push(Task::Ball { slot, node }),
+                false => self.stack.extend([[node + 1; 2], [second; 2]]),
+            }
+        }
+    }
+
+    /// Does all tasks, and appends the pairs in their order.
+    fn work(&mut self, (wanted, boxes, candidates): (Wanted, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
+        let Self { nodes, edges, triangles, tasks, parts, .. } = self;
+        let [within, world] = [0, 1].map(|frame| Boxes {
+            nodes: &nodes[frame],
+            vertices: &boxes[frame],
+            edges: &edges[frame],
+            triangles: &triangles[frame],
+            is_within: frame == 0,
+        });
+        let forest = &wanted.primitives.forest;
+        let (most, count) = (most_of(forest), AtomicUsize::new(candidates.len()));
+        let cluster = |node: u32| forest.nodes[node as usize].second;
+        let number = tasks.len().div_ceil(PART);
+        if parts.len() < number {
+            parts.resize(number, Vec::new());
+        }
+        let is_shared = tasks.len() >= MIN_SHARED;
+        parallel::for_each(tasks.chunks(PART).zip(&mut *parts), is_shared, |(tasks, found)| {
+            // Where there are too many, none is wanted.
+            if count.load(Ordering::Relaxed) >= most {
+                return;
+            }
+            let mut finder = Finder { wanted, candidates: found };
+            for task in tasks {
+                match *task {
+                    Task::Leaves { nodes, is_within } => {
+                        finder.test_clusters(
+                            nodes.map(cluster),
+                            if is_within { within } else { world },
+                            nodes,
+                        );
+                    }
+                    Task::Ball { slot, node } => finder.test_ball(slot, cluster(node), world),
+                }
+            }
+            count.fetch_add(finder.candidates.len(), Ordering::Relaxed);
+        });
+        parts[..number].iter_mut().for_each(|found| candidates.append(found));
+        tasks.clear();
+    }
+}
+
+/// The number of pairs from which on there are too many.
+fn most_of(forest: &Forest) -> usize {
+    MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1]
+}
