@@ -34,36 +34,19 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
             let mut done = 0;
             while done < count {
                 let chunk = run.chunk_from(done);
+                let part = (done, chunk);
                 match (run.tension_only, run.material) {
-                    (false, Some([stiffness, damping])) => {
-                        let material = [[stiffness; LANES], [damping; LANES]];
-                        compute::<false>(block, run, (done, chunk), motion, &mut forces, |_| material);
-                    }
-                    (true, Some([stiffness, damping])) => {
-                        let material = [[stiffness; LANES], [damping; LANES]];
-                        compute::<true>(block, run, (done, chunk), motion, &mut forces, |_| material);
-                    }
-                    (false, None) => compute::<false>(
-                        block,
-                        run,
-                        (done, chunk),
-                        motion,
-                        &mut forces,
-                        material_of(block, run, done, chunk),
-                    ),
-                    (true, None) => compute::<true>(
-                        block,
-                        run,
-                        (done, chunk),
-                        motion,
-                        &mut forces,
-                        material_of(block, run, done, chunk),
-                    ),
+                    (false, Some(_)) => compute::<false, true>(block, run, part, motion, &mut forces),
+                    (true, Some(_)) => compute::<true, true>(block, run, part, motion, &mut forces),
+                    (false, None) => compute::<false, false>(block, run, part, motion, &mut forces),
+                    (true, None) => compute::<true, false>(block, run, part, motion, &mut forces),
                 }
+                // Only runs of one chunk have holes: few places each, for which a call takes longer than they do.
+                let [x, y, z] = &mut forces.0;
                 for hole in &run.holes {
-                    // Only runs of one chunk have holes.
-                    let places = LANES + hole.start as usize..LANES + hole.end as usize;
-                    forces.0.iter_mut().for_each(|forces| forces[places.clone()].fill(0.0));
+                    for place in LANES + hole.start as usize..LANES + hole.end as usize {
+                        (x[place], y[place], z[place]) = (0.0, 0.0, 0.0);
+                    }
                 }
                 let lower = (run.lower as usize + done).wrapping_sub(start);
                 let upper = (run.upper as usize + done).wrapping_sub(start);
@@ -83,66 +66,61 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
     }
 }
 
-/// Stiffness and damping of `chunk` springs of a run, from the one numbered `done`: of those from a place on.
-#[inline(always)]
-fn material_of(block: &Block, run: &Run, done: usize, chunk: usize) -> impl Fn(usize) -> [Lanes; 2] {
-    let start = run.start as usize + done;
-    let (stiffness, damping) = (&block.stiffness[start..][..chunk], &block.damping[start..][..chunk]);
-    move |at| [lanes(stiffness, at), lanes(damping, at)]
-}
-
-#[inline(always)]
-fn lanes(numbers: &[f32], at: usize) -> Lanes {
-    numbers[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
-}
-
 /// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
 #[inline(always)]
-fn compute<const TENSION_ONLY: bool>(
+fn compute<const TENSION_ONLY: bool, const IS_UNIFORM: bool>(
     block: &Block,
     run: &Run,
     (done, chunk): (usize, usize),
     motion: &Motion,
-    forces: &mut Forces,
-    material: impl Fn(usize) -> [Lanes; 2],
+    Forces([x, y, z]): &mut Forces,
 ) {
-    let [lower, upper] = [run.lower, run.upper].map(|first| first as usize + done - motion.first);
-    let rest_lengths = &block.rest_length[run.start as usize + done..][..chunk];
-    // Slices of one length: the indices of vectors need no checks.
-    let ends = [
-        part(motion.position, lower, chunk),
-        part(motion.position, upper, chunk),
-        part(motion.velocity, lower, chunk),
-        part(motion.velocity, upper, chunk),
-    ];
-    let [x, y, z] = &mut forces.0;
-    let (x, y, z) = (&mut x[LANES..][..chunk], &mut y[LANES..][..chunk], &mut z[LANES..][..chunk]);
-    let (vectors, in_part) = (chunk / LANES, chunk % LANES);
+    let lower = run.lower as usize + done - motion.first;
+    let upper = run.upper as usize + done - motion.first;
+    let start = run.start as usize + done;
+    let [stiffness, damping] = run.material.unwrap_or_default();
+    let material = [[stiffness; LANES], [damping; LANES]];
     // The last vector overlaps the one before it and computes some springs again.
-    let steps = vectors + usize::from(in_part > 0);
-    for step in 0..steps {
-        let at = if step < vectors { step * LANES } else { chunk - LANES };
-        let pulls = pulls::<TENSION_ONLY>(
-            [all(ends[0], at), all(ends[1], at)],
-            [all(ends[2], at), all(ends[3], at)],
-            lanes(rest_lengths, at),
-            material(at),
-        );
-        x[at..at + LANES].copy_from_slice(&pulls[0]);
-        y[at..at + LANES].copy_from_slice(&pulls[1]);
-        z[at..at + LANES].copy_from_slice(&pulls[2]);
+    let last = (chunk - LANES, usize::from(!chunk.is_multiple_of(LANES)));
+    for (first, count) in [(0, chunk / LANES), last] {
+        // Slices of one length: the indices of vectors need no checks.
+        let position = [
+            lanes_of(motion.position, lower + first, count),
+            lanes_of(motion.position, upper + first, count),
+        ];
+        let velocity = [
+            lanes_of(motion.velocity, lower + first, count),
+            lanes_of(motion.velocity, upper + first, count),
+        ];
+        let rest_length = lanes(&block.rest_length, start + first, count);
+        let stiffness = lanes(&block.stiffness, start + first, count);
+        let damping = lanes(&block.damping, start + first, count);
+        let x = &mut x[LANES + first..].as_chunks_mut().0[..count];
+        let y = &mut y[LANES + first..].as_chunks_mut().0[..count];
+        let z = &mut z[LANES + first..].as_chunks_mut().0[..count];
+        for at in 0..count {
+            let all = |vectors: &[[&[Lanes]; 3]; 2]| {
+                let [[x, y, z], [u, v, w]] = vectors;
+                [[x[at], y[at], z[at]], [u[at], v[at], w[at]]]
+            };
+            let material = if IS_UNIFORM { material } else { [stiffness[at], damping[at]] };
+            [x[at], y[at], z[at]] =
+                pulls::<TENSION_ONLY>(all(&position), all(&velocity), rest_length[at], material);
+        }
     }
 }
 
+/// The same of three axes. (`array::map` is not always inlined.)
 #[inline(always)]
-fn all([x, y, z]: [&[f32]; 3], at: usize) -> [Lanes; 3] {
-    [lanes(x, at), lanes(y, at), lanes(z, at)]
+fn lanes_of([x, y, z]: [&[f32]; 3], first: usize, count: usize) -> [&[Lanes]; 3] {
+    [lanes(x, first, count), lanes(y, first, count), lanes(z, first, count)]
 }
 
-/// `count` coordinates from `at`. (`array::map` is not always inlined.)
+/// `count` vectors of the numbers from `first` on.
 #[inline(always)]
-fn part([x, y, z]: [&[f32]; 3], at: usize, count: usize) -> [&[f32]; 3] {
-    [&x[at..][..count], &y[at..][..count], &z[at..][..count]]
+fn lanes(numbers: &[f32], first: usize, count: usize) -> &[Lanes] {
+    let (vectors, _) = numbers[first..].as_chunks();
+    &vectors[..count]
 }
 
 /// The forces of springs on their lower ends, from the motion of both ends.
