@@ -12,9 +12,7 @@ use crate::solver::collision::{Collider, ContactCaches, NearIslands, Skin, Surfa
 use crate::solver::elements::Balance;
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
-use crate::solver::graph::{
-    Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident,
-};
+use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions};
 use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Scratch};
@@ -113,7 +111,8 @@ pub(crate) fn step(
     }
     caches.correct_velocities(state, inputs, outputs, settings, duration);
     caches.end_tick(state, plan);
-    let are_finite = [state.particles.position.clear_negligible(), state.particles.velocity.clear_negligible()];
+    let are_finite =
+        [state.particles.position.clear_negligible(), state.particles.velocity.clear_negligible()];
     outputs.is_finite = are_finite == [true; 2];
     if settings.sleep.is_some() {
         let Caches { sleep, contacts, air, implicit_euler, .. } = caches;

@@ -173,8 +173,16 @@ mod tests {
                 assert_eq!(in_place, 4, "{integrator:?}");
                 for (tick, (found, expected)) in found.iter().zip(&expected).enumerate() {
                     for (found, expected) in found.iter().zip(expected) {
-                        let bits = |vectors: &Vectors| vectors.axes().map(|axis| axis.iter().map(|value| value.to_bits()).collect::<Vec<_>>());
-                        assert_eq!(bits(found), bits(expected), "{integrator:?}, {viscosity}, {is_pushed}, tick {tick}");
+                        let bits = |vectors: &Vectors| {
+                            vectors
+                                .axes()
+                                .map(|axis| axis.iter().map(|value| value.to_bits()).collect::<Vec<_>>())
+                        };
+                        assert_eq!(
+                            bits(found),
+                            bits(expected),
+                            "{integrator:?}, {viscosity}, {is_pushed}, tick {tick}"
+                        );
                     }
                 }
                 assert!(found[4][0].y.iter().all(|y| y.is_finite() && y.abs() < 10.0));

@@ -41,8 +41,8 @@ impl Caches {
             // Contacts see the elements as they will be at the end of the tick, as when they search anew.
             state.elements.ramp_to(1.0);
         }
-        let have_touched = may_touch
-            && self.resolve_contacts(state, inputs, outputs, (settings, plan), [duration, elapsed]);
+        let have_touched =
+            may_touch && self.resolve_contacts(state, inputs, outputs, (settings, plan), [duration, elapsed]);
         self.limit_strains(state, duration, elapsed);
         if may_touch {
             let step = plan.integrator.is_implicit().then_some([duration, elapsed]);
