@@ -80,47 +80,60 @@ fn compute<const TENSION_ONLY: bool, const IS_UNIFORM: bool>(
     let start = run.start as usize + done;
     let [stiffness, damping] = run.material.unwrap_or_default();
     let material = [[stiffness; LANES], [damping; LANES]];
-    // The last vector overlaps the one before it and computes some springs again.
-    let last = (chunk - LANES, usize::from(!chunk.is_multiple_of(LANES)));
-    for (first, count) in [(0, chunk / LANES), last] {
-        // Slices of one length: the indices of vectors need no checks.
-        let position = [
-            lanes_of(motion.position, lower + first, count),
-            lanes_of(motion.position, upper + first, count),
-        ];
-        let velocity = [
-            lanes_of(motion.velocity, lower + first, count),
-            lanes_of(motion.velocity, upper + first, count),
-        ];
-        let rest_length = lanes(&block.rest_length, start + first, count);
-        let stiffness = lanes(&block.stiffness, start + first, count);
-        let damping = lanes(&block.damping, start + first, count);
-        let x = &mut x[LANES + first..].as_chunks_mut().0[..count];
-        let y = &mut y[LANES + first..].as_chunks_mut().0[..count];
-        let z = &mut z[LANES + first..].as_chunks_mut().0[..count];
-        for at in 0..count {
-            let all = |vectors: &[[&[Lanes]; 3]; 2]| {
-                let [[x, y, z], [u, v, w]] = vectors;
-                [[x[at], y[at], z[at]], [u[at], v[at], w[at]]]
-            };
+    // Slices of one length: the indices of vectors need no checks.
+    let ends = [
+        part(motion.position, lower, chunk),
+        part(motion.position, upper, chunk),
+        part(motion.velocity, lower, chunk),
+        part(motion.velocity, upper, chunk),
+    ];
+    let parameters = part([&block.rest_length, &block.stiffness, &block.damping], start, chunk);
+    let (x, y, z) = (&mut x[LANES..][..chunk], &mut y[LANES..][..chunk], &mut z[LANES..][..chunk]);
+    {
+        let ends = [all(ends[0]), all(ends[1]), all(ends[2]), all(ends[3])];
+        let [rest_length, stiffness, damping] = all(parameters);
+        let (x, y, z) = (x.as_chunks_mut().0, y.as_chunks_mut().0, z.as_chunks_mut().0);
+        for at in 0..chunk / LANES {
+            let end = |end: usize| [ends[end][0][at], ends[end][1][at], ends[end][2][at]];
             let material = if IS_UNIFORM { material } else { [stiffness[at], damping[at]] };
             [x[at], y[at], z[at]] =
-                pulls::<TENSION_ONLY>(all(&position), all(&velocity), rest_length[at], material);
+                pulls::<TENSION_ONLY>([end(0), end(1)], [end(2), end(3)], rest_length[at], material);
         }
+    }
+    if !chunk.is_multiple_of(LANES) {
+        // The last vector overlaps the one before it and computes some springs again.
+        let [rest_length, stiffness, damping] = last(parameters);
+        let material = if IS_UNIFORM { material } else { [stiffness, damping] };
+        let pulls = pulls::<TENSION_ONLY>(
+            [last(ends[0]), last(ends[1])],
+            [last(ends[2]), last(ends[3])],
+            rest_length,
+            material,
+        );
+        let at = chunk - LANES;
+        x[at..].copy_from_slice(&pulls[0]);
+        y[at..].copy_from_slice(&pulls[1]);
+        z[at..].copy_from_slice(&pulls[2]);
     }
 }
 
-/// The same of three axes. (`array::map` is not always inlined.)
+/// `count` numbers from `at` of three arrays. (`array::map` is not always inlined.)
 #[inline(always)]
-fn lanes_of([x, y, z]: [&[f32]; 3], first: usize, count: usize) -> [&[Lanes]; 3] {
-    [lanes(x, first, count), lanes(y, first, count), lanes(z, first, count)]
+fn part([x, y, z]: [&[f32]; 3], at: usize, count: usize) -> [&[f32]; 3] {
+    [&x[at..][..count], &y[at..][..count], &z[at..][..count]]
 }
 
-/// `count` vectors of the numbers from `first` on.
+/// Whole vectors from the start.
 #[inline(always)]
-fn lanes(numbers: &[f32], first: usize, count: usize) -> &[Lanes] {
-    let (vectors, _) = numbers[first..].as_chunks();
-    &vectors[..count]
+fn all([x, y, z]: [&[f32]; 3]) -> [&[Lanes]; 3] {
+    [x.as_chunks().0, y.as_chunks().0, z.as_chunks().0]
+}
+
+/// The vectors at the end.
+#[inline(always)]
+fn last([x, y, z]: [&[f32]; 3]) -> [Lanes; 3] {
+    let last = |numbers: &[f32]| numbers.last_chunk().copied().unwrap_or([0.0; LANES]);
+    [last(x), last(y), last(z)]
 }
 
 /// The forces of springs on their lower ends, from the motion of both ends.
