@@ -31,6 +31,8 @@ pub struct Outputs {
     pub record_forces: bool,
     /// What ran.
     pub plan: Plan,
+    /// Whether all positions and velocities are known to be finite.
+    pub is_finite: bool,
     /// Touching pairs at the end of the tick: of particles and of particles with colliders.
     pub contact_count: usize,
     /// The contacts of all substeps, in the order of these.
@@ -59,6 +61,7 @@ pub struct Outputs {
 impl Outputs {
     pub(super) fn begin_tick(&mut self, plan: Plan) {
         self.plan = plan;
+        self.is_finite = false;
         self.contacts.clear();
         self.tensions.clear();
         self.reactions.clear();

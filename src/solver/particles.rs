@@ -19,6 +19,18 @@ pub struct PinnedMotion {
     pub target: Vec3,
 }
 
+impl PinnedMotion {
+    /// Position and velocity after the fraction `elapsed` of a tick of `time_step` seconds, m and m/s.
+    #[inline]
+    pub(super) fn at(&self, elapsed: f32, time_step: f32) -> [Vec3; 2] {
+        let Self { start, target, .. } = *self;
+        let position = if elapsed == 1.0 { target } else { start.lerp(target, elapsed) };
+        let way = target - start;
+        // Zero divided is zero: most stand still, and a division takes long.
+        [position, if way == Vec3::ZERO { way } else { way / time_step }]
+    }
+}
+
 /// Where the pinned particles are after the fraction `elapsed` of a tick of `time_step` seconds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PinnedMotions<'a> {
@@ -37,13 +49,10 @@ impl PinnedMotions<'_> {
             let [x, y, z] = std::mem::take(axes);
             *axes = [&mut x[..count], &mut y[..count], &mut z[..count]];
         }
-        for &PinnedMotion { slot, start, target } in self.motions {
-            let position = if self.elapsed == 1.0 { target } else { start.lerp(target, self.elapsed) };
-            set(&mut positions, slot, position);
-            let way = target - start;
-            // Zero divided is zero: most stand still, and a division takes long.
-            let velocity = if way == Vec3::ZERO { way } else { way / self.time_step };
-            set(&mut velocities, slot, velocity);
+        for motion in self.motions {
+            let [position, velocity] = motion.at(self.elapsed, self.time_step);
+            set(&mut positions, motion.slot, position);
+            set(&mut velocities, motion.slot, velocity);
         }
     }
 }

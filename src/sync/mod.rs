@@ -40,8 +40,8 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::{ColliderMotion, move_colliders};
-use crate::nets::{Winch, change_materials};
+use crate::collider::move_colliders;
+use crate::nets::change_materials;
 use crate::particle::{Particle, Quarantined, SimulationOrder};
 use crate::schedule::MassSpringSystems;
 use crate::solver::particles::Vectors;
@@ -121,12 +121,12 @@ pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
                         nets::give_breaking,
                         nets::give_yielding,
                         nets::gather_parts,
-                        nets::tie_attachments.run_if(nets::any_untied),
-                        nets::turn_winches.run_if(any_with_component::<Winch>),
+                        nets::tie_attachments,
+                        nets::turn_winches,
                     )
                         .chain()
                         .run_if(nets::any_nets),
-                    move_colliders.run_if(any_with_component::<ColliderMotion>),
+                    move_colliders,
                     gather::gather,
                 )
                     .chain()

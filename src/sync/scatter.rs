@@ -55,7 +55,8 @@ pub(super) fn scatter(
 ) {
     let start = Instant::now();
     let view = View::new(state.solver.origin, *dimensions);
-    scatter_particles(&state.solver.particles, view, &mut gathered, &mut queries, &parents);
+    let particles = (&state.solver.particles, simulation.outputs.is_finite);
+    scatter_particles(particles, view, &mut gathered, &mut queries, &parents);
     publications.report_faults(&state, &mut gathered.faults, &mut report);
     publications.report_failures(&state, &nets, &simulation.outputs, &mut report);
     if let Some(messages) = &mut publications.contacts {
@@ -72,7 +73,7 @@ pub(super) fn scatter(
 
 /// Copies positions and velocities back, and notes which are not finite.
 fn scatter_particles(
-    particles: &Particles,
+    (particles, is_finite): (&Particles, bool),
     view: View,
     gathered: &mut Gathered,
     queries: &mut ParticleQueries,
@@ -96,7 +97,7 @@ fn scatter_particles(
             |(((slots, transforms), velocities), (moved, accelerated))| {
                 for row in 0..slots.len() {
                     let Some(slot) = slots[row].get() else { continue };
-                    let new_velocity = finite_velocity(particles, slot);
+                    let new_velocity = finite_velocity(particles, slot, is_finite);
                     if new_velocity.is_none() {
                         found.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
                     }
@@ -116,7 +117,7 @@ fn scatter_particles(
         );
     }
     for &(_, slot, entity) in &*parented {
-        let new_velocity = finite_velocity(particles, slot);
+        let new_velocity = finite_velocity(particles, slot, is_finite);
         if new_velocity.is_none() {
             faults.push(slot);
         }
@@ -129,10 +130,12 @@ fn scatter_particles(
     }
 }
 
-/// The velocity in a slot, if the state there is finite.
-fn finite_velocity(particles: &Particles, slot: usize) -> Option<Vec3> {
+/// The velocity in a slot, if the state there is finite, which may be known.
+#[inline]
+fn finite_velocity(particles: &Particles, slot: usize, is_finite: bool) -> Option<Vec3> {
     let velocity = particles.velocity.get(slot);
-    (velocity.is_finite() && particles.position.get(slot).is_finite()).then_some(velocity)
+    let is_finite = is_finite || (velocity.is_finite() && particles.position.get(slot).is_finite());
+    is_finite.then_some(velocity)
 }
 
 /// Moves a particle with a parent to the solver's `position`.

@@ -1,11 +1,12 @@
 //! What is run.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
 
 use bevy::prelude::*;
 use bevy_mass_spring::nets::{Balloon, Cloth, Rope, Topology};
 use bevy_mass_spring::prelude::*;
-use bevy_mass_spring::solver::{Collider, Material, PairRules, Pose, Shape, Solver, StepSettings};
+use bevy_mass_spring::solver::{self, Collider, Material, PairRules, Pose, Shape, Solver, StepSettings};
 
 use crate::common::{self, *};
 
@@ -96,6 +97,33 @@ pub fn nets_in_wind(app: &mut App, with_large: bool) -> Vec<Entity> {
         app.world_mut().spawn(net.with_pinned([0])).id()
     };
     nets.into_iter().map(&mut spawn).collect()
+}
+
+/// Ropes in vacuum that hang from their first particles, collisions off: enough for the ticks of all to be shared among threads.
+pub fn ropes_that_touch_nothing(app: &mut App) -> Vec<Entity> {
+    let world = app.world_mut();
+    world.resource_mut::<Environment>().air_density = 0.0;
+    let mut collisions = world.resource_mut::<CollisionSettings>();
+    (collisions.particles, collisions.ground) = (false, false);
+    let mut rope = Topology { masses: vec![0.01; 21], ..Topology::default() };
+    for number in 0..21 {
+        rope.positions.push(Vec3::X * 0.1 * number as f32);
+        if number > 0 {
+            let spring = solver::Spring {
+                rest_length: 0.1,
+                stiffness: 100.0,
+                damping: 0.1,
+                ..solver::Spring::default()
+            };
+            rope.springs.push(([number - 1, number], spring));
+        }
+    }
+    let topology = Arc::new(rope);
+    let mut spawn = |number: u16| {
+        let place = Transform::from_xyz(0.0, 10.0, f32::from(number));
+        world.spawn(ParticleNet::new(Arc::clone(&topology), &place).with_pinned([0])).id()
+    };
+    (0..300).map(&mut spawn).collect()
 }
 
 /// Ticks of the pile that falls asleep.

@@ -11,8 +11,8 @@ use bevy_mass_spring::prelude::*;
 
 use crate::common::{self, *};
 use crate::scenes::{
-    COLLIDER_TICKS, SLEEP_TICKS, dense_pile, histories_among_colliders, large_scene, nets_in_wind, scene,
-    sleeping_pile,
+    COLLIDER_TICKS, SLEEP_TICKS, dense_pile, histories_among_colliders, large_scene, nets_in_wind,
+    ropes_that_touch_nothing, scene, sleeping_pile,
 };
 use crate::{assert_same, history, history_of};
 
@@ -23,6 +23,9 @@ const OTHER_TICKS: u32 = 10;
 
 /// Ticks of nets by each scheme.
 const NET_TICKS: u32 = 2;
+
+/// The schemes that take all substeps of a block of particles one after the other.
+const IN_PLACE: [Integrator; 2] = [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet];
 
 /// Ticks before the first snapshot.
 #[cfg(feature = "scene")]
@@ -83,6 +86,14 @@ fn child_prints_the_history_of_nets() {
             println!("hash {hash}");
         }
         nets.into_iter().for_each(|net| _ = app.world_mut().despawn(net));
+    }
+    // Each thread takes blocks of ropes through all substeps of a tick.
+    let ropes = ropes_that_touch_nothing(&mut app);
+    for integrator in IN_PLACE {
+        app.insert_resource(common::scheme(integrator, 8));
+        for hash in net_history(&mut app, &ropes, NET_TICKS) {
+            println!("hash {hash}");
+        }
     }
 }
 
@@ -229,7 +240,7 @@ fn a_snapshot_is_read_on_another_number_of_threads() {
 fn the_number_of_threads_does_not_matter_to_nets() {
     let name = "threads::child_prints_the_history_of_nets";
     let one = history_on(1, name);
-    assert_eq!(one.len(), Integrator::named().count() * NET_TICKS as usize);
+    assert_eq!(one.len(), (Integrator::named().count() + IN_PLACE.len()) * NET_TICKS as usize);
     assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));

@@ -103,7 +103,12 @@ impl Blocks {
 
     /// Whether an evaluation of the forces takes so long that other threads should help.
     pub fn are_worth_sharing(&self) -> bool {
-        self.blocks.len() > 1 && self.particles + self.places.len() >= MIN_SHARED
+        self.are_worth_sharing_for(1)
+    }
+
+    /// Whether this number of evaluations without a barrier between them does.
+    pub fn are_worth_sharing_for(&self, evaluations: u32) -> bool {
+        self.blocks.len() > 1 && (self.particles + self.places.len()) * evaluations as usize >= MIN_SHARED
     }
 
     /// Whether no element joins a block to what is not in it.

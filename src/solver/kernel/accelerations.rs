@@ -31,30 +31,81 @@ pub(super) fn block_accelerations(
     field: &Field,
     acceleration: &mut [&mut [f32]; 3],
 ) {
-    let [x, y, z] = acceleration;
-    let mut force = [&mut **x, &mut **y, &mut **z];
-    let count = force[0].len();
-    let slots = block.slots.start..block.slots.start + count;
+    let start = block.slots.start;
+    begin_forces(start, motion, field, acceleration);
+    add_elements(block, motion, field, acceleration);
+    let count = acceleration[0].len();
     // The same in the arrays of the motion.
-    let range = slots.start - motion.first..slots.end - motion.first;
-    if motion.is_unpushed && field.viscosity == 0.0 {
-        // What follows would come to this.
-        force.iter_mut().for_each(|force| force.fill(0.0));
-    } else {
-        for part in in_vectors(slots.start, count) {
-            let seen = range.start + part.start..range.start + part.end;
-            for (axis, force) in force.iter_mut().enumerate() {
-                let applied_force = &motion.applied_force[axis][seen.clone()];
-                let velocity = &motion.velocity[axis][seen.clone()];
-                let force = &mut force[part.clone()];
-                for index in 0..force.len() {
-                    // The drag of the medium: −ν v. Plus 0, so that it is never −0: to add 0 later changes no bit.
-                    force[index] = (applied_force[index] + 0.0) - field.viscosity * velocity[index];
-                }
+    let range = start - motion.first..start - motion.first + count;
+    let gravity = field.gravity.to_array();
+    for part in in_vectors(start, count) {
+        let inverse_mass = &motion.inverse_mass[range.start + part.start..range.start + part.end];
+        for (force, gravity) in acceleration.iter_mut().zip(gravity) {
+            let force = &mut force[part.clone()];
+            for index in 0..force.len() {
+                force[index] = answer(force[index], inverse_mass[index], gravity);
             }
         }
     }
+    if let Some(air) = field.air {
+        for (axis, acceleration) in acceleration.iter_mut().enumerate() {
+            air.brake(axis, start, &motion.velocity[axis][range.clone()], acceleration);
+        }
+        if !air.filaments.is_empty() {
+            air.brake_filaments(start, motion.velocity.map(|axis| &axis[range.clone()]), acceleration);
+        }
+    }
+}
+
+/// Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an acceleration, so that free fall
+/// does not depend on the mass, not even by a rounding.
+#[inline(always)]
+pub(super) fn answer(force: f32, inverse_mass: f32, gravity: f32) -> f32 {
+    let free = force * inverse_mass + gravity;
+    if inverse_mass > 0.0 { free } else { 0.0 }
+}
+
+/// The applied force and the drag of the medium, −ν v. Plus 0, so that it is never −0: to add 0 later changes no bit.
+#[inline(always)]
+pub(super) fn drive(applied_force: f32, viscosity: f32, velocity: f32) -> f32 {
+    (applied_force + 0.0) - viscosity * velocity
+}
+
+/// Whether it is known that [`drive`] is zero for all particles.
+#[inline(always)]
+pub(super) fn is_undriven(is_unpushed: bool, field: &Field) -> bool {
+    is_unpushed && field.viscosity == 0.0
+}
+
+/// Writes the forces without those of elements and gases on the particles from slot `start` on.
+#[inline(always)]
+pub(super) fn begin_forces(start: usize, motion: &Motion, field: &Field, force: &mut [&mut [f32]; 3]) {
+    if is_undriven(motion.is_unpushed, field) {
+        // What follows would come to this.
+        force.iter_mut().for_each(|force| force.fill(0.0));
+        return;
+    }
+    let first = start - motion.first;
+    for part in in_vectors(start, force[0].len()) {
+        let seen = first + part.start..first + part.end;
+        for (axis, force) in force.iter_mut().enumerate() {
+            let applied_force = &motion.applied_force[axis][seen.clone()];
+            let velocity = &motion.velocity[axis][seen.clone()];
+            let force = &mut force[part.clone()];
+            for index in 0..force.len() {
+                force[index] = drive(applied_force[index], field.viscosity, velocity[index]);
+            }
+        }
+    }
+}
+
+/// Adds the forces of gases and of all elements to the particles of a block.
+#[inline(always)]
+pub(super) fn add_elements(block: &Block, motion: &Motion, field: &Field, force: &mut [&mut [f32]; 3]) {
+    let [x, y, z] = force;
+    let mut force = [&mut **x, &mut **y, &mut **z];
     if let Some(gas) = field.gas {
+        let slots = block.slots.start..block.slots.start + force[0].len();
         for (force, gas) in force.iter_mut().zip(gas.axes()) {
             force.iter_mut().zip(&gas[slots.clone()]).for_each(|(force, gas)| *force += gas);
         }
@@ -66,27 +117,6 @@ pub(super) fn block_accelerations(
         run(AddBends { block, motion, force: &mut force });
     }
     add_all_loose(block, motion, &mut force);
-    // Newton's second law: a = f / m + g, and 0 for pinned particles. Gravity is added as an
-    // acceleration, so that free fall does not depend on the mass, not even by a rounding.
-    let gravity = field.gravity.to_array();
-    for part in in_vectors(slots.start, count) {
-        let inverse_mass = &motion.inverse_mass[range.start + part.start..range.start + part.end];
-        for (force, gravity) in force.iter_mut().zip(gravity) {
-            let force = &mut force[part.clone()];
-            for index in 0..force.len() {
-                let free = force[index] * inverse_mass[index] + gravity;
-                force[index] = if inverse_mass[index] > 0.0 { free } else { 0.0 };
-            }
-        }
-    }
-    if let Some(air) = field.air {
-        for (axis, acceleration) in force.iter_mut().enumerate() {
-            air.brake(axis, slots.start, &motion.velocity[axis][range.clone()], acceleration);
-        }
-        if !air.filaments.is_empty() {
-            air.brake_filaments(slots.start, motion.velocity.map(|axis| &axis[range.clone()]), &mut force);
-        }
-    }
 }
 
 /// Adds the forces of loose elements one by one. Their ends are anywhere: to gather eight of them takes longer than to

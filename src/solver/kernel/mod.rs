@@ -7,9 +7,11 @@
 
 mod accelerations;
 mod bends;
+mod closed;
 mod in_air;
 mod semi_implicit;
 mod springs;
+mod verlet;
 
 use crate::solver::field::Field;
 use crate::solver::graph::Blocks;
@@ -17,8 +19,10 @@ use crate::solver::graph::block::{Block, MIN_RUN};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
 use accelerations::block_accelerations;
+pub(super) use closed::{Closed, Substeps};
 pub(super) use in_air::{CorrectInAir, PredictInAir};
 pub(super) use semi_implicit::{Advance, AdvanceInPlace, Moved};
+pub(super) use verlet::{Correct, Predict, VerletInPlace};
 
 /// What the forces depend on: all particles, or those from some slot on; three arrays for each vector.
 #[derive(Clone, Copy)]
@@ -39,26 +43,6 @@ pub(super) struct Accelerate<'a> {
     pub motion: &'a Motion<'a>,
     pub field: &'a Field<'a>,
     pub acceleration: [&'a mut [f32]; 3],
-}
-
-/// Moves the particles of one block by their accelerations a: x' = x + h v + h²/2 a, v' = v + h a.
-pub(super) struct Predict<'a> {
-    pub position: [&'a mut [f32]; 3],
-    pub velocity: [&'a mut [f32]; 3],
-    pub acceleration: [&'a [f32]; 3],
-    /// The substep h, s.
-    pub substep: f32,
-}
-
-/// Writes the accelerations of the particles of one block, and corrects their velocities, which had been
-/// predicted by other ones: v' = v + h/2 (a − a predicted).
-pub(super) struct Correct<'a> {
-    pub accelerate: Accelerate<'a>,
-    pub predicted_acceleration: [&'a [f32]; 3],
-    /// The substep h, s.
-    pub substep: f32,
-    /// The new velocities.
-    pub velocity: [&'a mut [f32]; 3],
 }
 
 /// From this number of particles on it pays to begin vectors where those of the whole arrays do.
@@ -104,47 +88,6 @@ pub(super) fn evaluate(motion: Motion, blocks: &Blocks, field: Field, accelerati
     parallel::for_each(parts, blocks.are_worth_sharing(), |(block, acceleration)| {
         run(Accelerate { block, motion: &motion, field: &field, acceleration });
     });
-}
-
-impl pulp::WithSimd for Predict<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { position, velocity, acceleration, substep } = self;
-        let axes = position.into_iter().zip(velocity).zip(acceleration);
-        for ((position, velocity), acceleration) in axes {
-            let count = acceleration.len();
-            let (position, velocity) = (&mut position[..count], &mut velocity[..count]);
-            for index in 0..count {
-                let half_kick = 0.5 * substep * acceleration[index];
-                position[index] += substep * (velocity[index] + half_kick);
-                velocity[index] += substep * acceleration[index];
-            }
-        }
-    }
-}
-
-impl pulp::WithSimd for Correct<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Accelerate { block, motion, field, mut acceleration } = self.accelerate;
-        block_accelerations(block, motion, field, &mut acceleration);
-        let half = 0.5 * self.substep;
-        for (axis, velocity) in self.velocity.into_iter().enumerate() {
-            let count = velocity.len();
-            let range = block.slots.start..block.slots.start + count;
-            let predicted = &motion.velocity[axis][range];
-            let predicted_acceleration = &self.predicted_acceleration[axis][..count];
-            let acceleration = &acceleration[axis][..count];
-            for index in 0..count {
-                let error = acceleration[index] - predicted_acceleration[index];
-                velocity[index] = predicted[index] + half * error;
-            }
-        }
-    }
 }
 
 impl pulp::WithSimd for Accelerate<'_> {

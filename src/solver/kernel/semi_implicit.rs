@@ -1,9 +1,8 @@
 //! Substeps of semi-implicit Euler.
 
-use super::accelerations::block_accelerations;
-use super::{Accelerate, Motion, in_vectors};
-use crate::solver::field::Field;
-use crate::solver::graph::block::Block;
+use super::accelerations::{add_elements, begin_forces, block_accelerations};
+use super::closed::{Closed, Next, Substeps};
+use super::{Accelerate, in_vectors};
 
 /// A substep of semi-implicit Euler: the new state of the particles of one block.
 pub(in crate::solver) struct Moved<'a> {
@@ -20,20 +19,11 @@ pub(in crate::solver) struct Advance<'a> {
     pub moved: Moved<'a>,
 }
 
-/// The same where no element joins the block to what is not in it: what nothing else reads is overwritten.
+/// Substeps of a block that no element joins to what is not in it.
 pub(in crate::solver) struct AdvanceInPlace<'a> {
-    pub block: &'a Block,
-    pub field: &'a Field<'a>,
-    /// Of the particles of the block, as what follows.
-    pub applied_force: [&'a [f32]; 3],
-    pub inverse_mass: &'a [f32],
-    /// Whether it is known that all applied forces are zero.
-    pub is_unpushed: bool,
+    pub closed: Closed<'a>,
+    /// Those of the last substep.
     pub acceleration: [&'a mut [f32]; 3],
-    /// The state, old and new.
-    pub moved: Moved<'a>,
-    /// The substep h, s.
-    pub substep: f32,
 }
 
 // By reference: it is too large to be moved for nothing.
@@ -68,26 +58,48 @@ impl pulp::WithSimd for &mut AdvanceInPlace<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let AdvanceInPlace { block, field, acceleration, moved, substep, .. } = self;
-        let motion = Motion {
-            first: block.slots.start,
-            is_unpushed: self.is_unpushed,
-            position: moved.position.each_ref().map(|axis| &**axis),
-            velocity: moved.velocity.each_ref().map(|axis| &**axis),
-            applied_force: self.applied_force,
-            inverse_mass: self.inverse_mass,
-        };
-        block_accelerations(block, &motion, field, acceleration);
-        let (substep, count) = (*substep, acceleration[0].len());
-        for part in in_vectors(block.slots.start, count) {
-            for axis in 0..3 {
-                let acceleration = &acceleration[axis][part.clone()];
-                let velocity = &mut moved.velocity[axis][part.clone()];
-                let position = &mut moved.position[axis][part.clone()];
-                for index in 0..position.len() {
-                    velocity[index] += substep * acceleration[index];
-                    position[index] += substep * velocity[index];
+        let AdvanceInPlace { closed, acceleration } = self;
+        let (block, field) = (closed.block, closed.field);
+        if field.air.is_some() {
+            block_accelerations(block, &closed.motion(), field, acceleration);
+            return self.kick_and_drift();
+        }
+        begin_forces(block.slots.start, &closed.motion(), field, acceleration);
+        let Substeps { count, duration, .. } = closed.substeps;
+        for substep in 1..=count {
+            add_elements(block, &closed.motion(), field, acceleration);
+            let next = if substep == count { Next::Acceleration } else { closed.next() };
+            for part in in_vectors(block.slots.start, acceleration[0].len()) {
+                for (axis, force) in acceleration.iter_mut().enumerate() {
+                    closed.lane(force, axis, part.clone()).pass(
+                        next,
+                        |acceleration, position, velocity, _| {
+                            *velocity += duration * acceleration;
+                            *position += duration * *velocity;
+                        },
+                    );
                 }
+            }
+            if substep < count {
+                closed.move_pinned(substep);
+            }
+        }
+    }
+}
+
+impl AdvanceInPlace<'_> {
+    /// Advances a substep by accelerations.
+    #[inline(always)]
+    fn kick_and_drift(&mut self) {
+        let Self { closed, acceleration } = self;
+        let substep = closed.substeps.duration;
+        let axes = closed.position.iter_mut().zip(&mut closed.velocity).zip(acceleration);
+        for ((position, velocity), acceleration) in axes {
+            let count = acceleration.len();
+            let (position, velocity) = (&mut position[..count], &mut velocity[..count]);
+            for index in 0..count {
+                velocity[index] += substep * acceleration[index];
+                position[index] += substep * velocity[index];
             }
         }
     }
@@ -99,8 +111,9 @@ mod tests {
 
     use super::*;
     use crate::solver::elements::{Elements, Spring};
+    use crate::solver::field::Field;
     use crate::solver::graph::Blocks;
-    use crate::solver::kernel::{evaluate, run};
+    use crate::solver::kernel::{Motion, evaluate, run};
     use crate::solver::particles::{Particles, Vectors};
 
     const FIELD: Field = Field { gravity: Vec3::new(0.0, -9.81, 0.0), viscosity: 0.0, air: None, gas: None };
@@ -179,20 +192,21 @@ mod tests {
             let moved = blocks.split(position.axes_mut()).zip(blocks.split(velocity.axes_mut()));
             let parts = blocks.blocks.iter().zip(blocks.split(acceleration.axes_mut())).zip(moved);
             for ((block, acceleration), (position, velocity)) in parts {
-                let moved = Moved { position, velocity };
                 let slots = block.slots.clone();
                 if in_place {
-                    run(&mut AdvanceInPlace {
+                    let closed = Closed {
                         block,
                         field: &FIELD,
                         applied_force: motion.applied_force.map(|axis| &axis[slots.clone()]),
                         inverse_mass: &motion.inverse_mass[slots],
                         is_unpushed: false,
-                        acceleration,
-                        moved,
-                        substep,
-                    });
+                        position,
+                        velocity,
+                        substeps: Substeps { count: 1, duration: substep, pinned: &[], time_step: substep },
+                    };
+                    run(&mut AdvanceInPlace { closed, acceleration });
                 } else {
+                    let moved = Moved { position, velocity };
                     let accelerate = Accelerate { block, motion: &motion, field: &FIELD, acceleration };
                     run(&mut Advance { accelerate, substep, moved });
                 }

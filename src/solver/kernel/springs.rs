@@ -34,36 +34,19 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
             let mut done = 0;
             while done < count {
                 let chunk = run.chunk_from(done);
+                let part = (done, chunk);
                 match (run.tension_only, run.material) {
-                    (false, Some([stiffness, damping])) => {
-                        let material = [[stiffness; LANES], [damping; LANES]];
-                        compute::<false>(block, run, (done, chunk), motion, &mut forces, |_| material);
-                    }
-                    (true, Some([stiffness, damping])) => {
-                        let material = [[stiffness; LANES], [damping; LANES]];
-                        compute::<true>(block, run, (done, chunk), motion, &mut forces, |_| material);
-                    }
-                    (false, None) => compute::<false>(
-                        block,
-                        run,
-                        (done, chunk),
-                        motion,
-                        &mut forces,
-                        material_of(block, run, done, chunk),
-                    ),
-                    (true, None) => compute::<true>(
-                        block,
-                        run,
-                        (done, chunk),
-                        motion,
-                        &mut forces,
-                        material_of(block, run, done, chunk),
-                    ),
+                    (false, Some(_)) => compute::<false, true>(block, run, part, motion, &mut forces),
+                    (true, Some(_)) => compute::<true, true>(block, run, part, motion, &mut forces),
+                    (false, None) => compute::<false, false>(block, run, part, motion, &mut forces),
+                    (true, None) => compute::<true, false>(block, run, part, motion, &mut forces),
                 }
+                // Only runs of one chunk have holes: few places each, for which a call takes longer than they do.
+                let [x, y, z] = &mut forces.0;
                 for hole in &run.holes {
-                    // Only runs of one chunk have holes.
-                    let places = LANES + hole.start as usize..LANES + hole.end as usize;
-                    forces.0.iter_mut().for_each(|forces| forces[places.clone()].fill(0.0));
+                    for place in LANES + hole.start as usize..LANES + hole.end as usize {
+                        (x[place], y[place], z[place]) = (0.0, 0.0, 0.0);
+                    }
                 }
                 let lower = (run.lower as usize + done).wrapping_sub(start);
                 let upper = (run.upper as usize + done).wrapping_sub(start);
@@ -83,31 +66,20 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
     }
 }
 
-/// Stiffness and damping of `chunk` springs of a run, from the one numbered `done`: of those from a place on.
-#[inline(always)]
-fn material_of(block: &Block, run: &Run, done: usize, chunk: usize) -> impl Fn(usize) -> [Lanes; 2] {
-    let start = run.start as usize + done;
-    let (stiffness, damping) = (&block.stiffness[start..][..chunk], &block.damping[start..][..chunk]);
-    move |at| [lanes(stiffness, at), lanes(damping, at)]
-}
-
-#[inline(always)]
-fn lanes(numbers: &[f32], at: usize) -> Lanes {
-    numbers[at..at + LANES].first_chunk().copied().unwrap_or([0.0; LANES])
-}
-
 /// The forces of `chunk` springs of a run, from the one numbered `done`, on their lower ends.
 #[inline(always)]
-fn compute<const TENSION_ONLY: bool>(
+fn compute<const TENSION_ONLY: bool, const IS_UNIFORM: bool>(
     block: &Block,
     run: &Run,
     (done, chunk): (usize, usize),
     motion: &Motion,
-    forces: &mut Forces,
-    material: impl Fn(usize) -> [Lanes; 2],
+    Forces([x, y, z]): &mut Forces,
 ) {
-    let [lower, upper] = [run.lower, run.upper].map(|first| first as usize + done - motion.first);
-    let rest_lengths = &block.rest_length[run.start as usize + done..][..chunk];
+    let lower = run.lower as usize + done - motion.first;
+    let upper = run.upper as usize + done - motion.first;
+    let start = run.start as usize + done;
+    let [stiffness, damping] = run.material.unwrap_or_default();
+    let material = [[stiffness; LANES], [damping; LANES]];
     // Slices of one length: the indices of vectors need no checks.
     let ends = [
         part(motion.position, lower, chunk),
@@ -115,34 +87,53 @@ fn compute<const TENSION_ONLY: bool>(
         part(motion.velocity, lower, chunk),
         part(motion.velocity, upper, chunk),
     ];
-    let [x, y, z] = &mut forces.0;
+    let parameters = part([&block.rest_length, &block.stiffness, &block.damping], start, chunk);
     let (x, y, z) = (&mut x[LANES..][..chunk], &mut y[LANES..][..chunk], &mut z[LANES..][..chunk]);
-    let (vectors, in_part) = (chunk / LANES, chunk % LANES);
-    // The last vector overlaps the one before it and computes some springs again.
-    let steps = vectors + usize::from(in_part > 0);
-    for step in 0..steps {
-        let at = if step < vectors { step * LANES } else { chunk - LANES };
+    {
+        let ends = [all(ends[0]), all(ends[1]), all(ends[2]), all(ends[3])];
+        let [rest_length, stiffness, damping] = all(parameters);
+        let (x, y, z) = (x.as_chunks_mut().0, y.as_chunks_mut().0, z.as_chunks_mut().0);
+        for at in 0..chunk / LANES {
+            let end = |end: usize| [ends[end][0][at], ends[end][1][at], ends[end][2][at]];
+            let material = if IS_UNIFORM { material } else { [stiffness[at], damping[at]] };
+            [x[at], y[at], z[at]] =
+                pulls::<TENSION_ONLY>([end(0), end(1)], [end(2), end(3)], rest_length[at], material);
+        }
+    }
+    if !chunk.is_multiple_of(LANES) {
+        // The last vector overlaps the one before it and computes some springs again.
+        let [rest_length, stiffness, damping] = last(parameters);
+        let material = if IS_UNIFORM { material } else { [stiffness, damping] };
         let pulls = pulls::<TENSION_ONLY>(
-            [all(ends[0], at), all(ends[1], at)],
-            [all(ends[2], at), all(ends[3], at)],
-            lanes(rest_lengths, at),
-            material(at),
+            [last(ends[0]), last(ends[1])],
+            [last(ends[2]), last(ends[3])],
+            rest_length,
+            material,
         );
-        x[at..at + LANES].copy_from_slice(&pulls[0]);
-        y[at..at + LANES].copy_from_slice(&pulls[1]);
-        z[at..at + LANES].copy_from_slice(&pulls[2]);
+        let at = chunk - LANES;
+        x[at..].copy_from_slice(&pulls[0]);
+        y[at..].copy_from_slice(&pulls[1]);
+        z[at..].copy_from_slice(&pulls[2]);
     }
 }
 
-#[inline(always)]
-fn all([x, y, z]: [&[f32]; 3], at: usize) -> [Lanes; 3] {
-    [lanes(x, at), lanes(y, at), lanes(z, at)]
-}
-
-/// `count` coordinates from `at`. (`array::map` is not always inlined.)
+/// `count` numbers from `at` of three arrays. (`array::map` is not always inlined.)
 #[inline(always)]
 fn part([x, y, z]: [&[f32]; 3], at: usize, count: usize) -> [&[f32]; 3] {
     [&x[at..][..count], &y[at..][..count], &z[at..][..count]]
+}
+
+/// Whole vectors from the start.
+#[inline(always)]
+fn all([x, y, z]: [&[f32]; 3]) -> [&[Lanes]; 3] {
+    [x.as_chunks().0, y.as_chunks().0, z.as_chunks().0]
+}
+
+/// The vectors at the end.
+#[inline(always)]
+fn last([x, y, z]: [&[f32]; 3]) -> [Lanes; 3] {
+    let last = |numbers: &[f32]| numbers.last_chunk().copied().unwrap_or([0.0; LANES]);
+    [last(x), last(y), last(z)]
 }
 
 /// The forces of springs on their lower ends, from the motion of both ends.

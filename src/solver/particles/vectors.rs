@@ -21,15 +21,20 @@ pub struct Vectors {
 struct ClearNegligible<'a>([&'a mut [f32]; 3]);
 
 impl pulp::WithSimd for ClearNegligible<'_> {
-    type Output = ();
+    type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
+    fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
+        // Of sizes as bits: these are in the order of the numbers, and those of what is not finite are above.
+        let mut largest = 0;
         for axis in self.0 {
             for value in axis {
-                *value = if value.abs() < NEGLIGIBLE { 0.0 } else { *value };
+                let size = value.abs();
+                largest = largest.max(size.to_bits());
+                *value = if size < NEGLIGIBLE { 0.0 } else { *value };
             }
         }
+        largest < f32::INFINITY.to_bits()
     }
 }
 
@@ -87,9 +92,9 @@ impl Vectors {
     }
 
     /// Clears negligible components: what decays would end as subnormal numbers, for which processors take ten
-    /// times as long.
-    pub(in crate::solver) fn clear_negligible(&mut self) {
-        pulp::Arch::new().dispatch(ClearNegligible(self.axes_mut()));
+    /// times as long. Returns whether all components are finite.
+    pub(in crate::solver) fn clear_negligible(&mut self) -> bool {
+        pulp::Arch::new().dispatch(ClearNegligible(self.axes_mut()))
     }
 
     /// Makes each vector that of `other` less this one. Both are as long.
@@ -154,10 +159,12 @@ mod tests {
         for vector in [kept[0], negligible, kept[1]] {
             vectors.push(vector);
         }
-        vectors.clear_negligible();
+        assert!(!vectors.clear_negligible());
         assert_eq!([0, 1, 2].map(|slot| vectors.get(slot)), [kept[0], Vec3::ZERO, kept[1]]);
+        vectors.set(2, Vec3::new(1.0, f32::MAX, -f32::MAX));
+        assert!(vectors.clear_negligible());
         vectors.set(0, Vec3::NAN);
-        vectors.clear_negligible();
+        assert!(!vectors.clear_negligible());
         assert!(vectors.get(0).is_nan(), "faults stay to be found");
     }
 }

@@ -3,6 +3,7 @@
 //! An explicit scheme advances the particles of the blocks that it is given, and may leave anything in the slots
 //! of others; `interleaved.rs` says how two schemes share a tick.
 
+mod closed;
 mod explicit_euler;
 mod gas;
 mod implicit_euler;
@@ -18,6 +19,7 @@ use crate::solver::collision::{Surfaces, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring};
+pub(super) use crate::solver::kernel::Substeps;
 use crate::solver::kernel::{self, Motion};
 use crate::solver::particles::{Particles, PinnedMotions, Vectors};
 use crate::solver::pulls::Pulls;
@@ -155,6 +157,31 @@ pub(super) fn advance(
         }
         Integrator::Xpbd => xpbd.advance(net, stage.blocks, stage.particles, stage.acceleration, substep),
     }
+}
+
+/// Whether [`advance_in_place`] may take all substeps of a block one after the other, where nothing but its own elements, constant
+/// forces and the medium acts on it.
+pub(super) fn may_advance_in_place(integrator: Integrator, blocks: &Blocks) -> bool {
+    matches!(integrator, Integrator::SemiImplicitEuler | Integrator::VelocityVerlet) && blocks.are_closed()
+}
+
+/// Advances positions and velocities by all substeps of a tick, to the bit as [`advance`] does.
+pub(super) fn advance_in_place(
+    integrator: Integrator,
+    field: Field,
+    blocks: &Blocks,
+    particles: &mut Particles,
+    scratch: &mut Scratch,
+    substeps: Substeps,
+) {
+    let Scratch { acceleration, steps, .. } = scratch;
+    let pinned = PinnedMotions { motions: substeps.pinned, elapsed: 1.0, time_step: substeps.time_step };
+    if integrator == Integrator::SemiImplicitEuler {
+        semi_implicit_euler::advance_in_place(particles, blocks, (&field, acceleration), substeps);
+    } else {
+        velocity_verlet::advance_in_place(particles, blocks, (&field, steps, acceleration), substeps);
+    }
+    pinned.apply(particles);
 }
 
 /// After the last substep of a tick, of `substep` seconds, and its contacts: corrects the velocities where the scheme has evaluated

@@ -10,11 +10,12 @@
 //! stability. So a' is evaluated once more where contacts have left the particles, and all velocities change by h/2 of the
 //! difference: v' = v + h/2 (a + a'), with the a' that the next substep begins with. This keeps momentum, as a' does.
 
-use super::{Stage, StepVectors, verlet_in_air};
+use super::{Stage, StepVectors, closed, verlet_in_air};
+use crate::solver::field::Field;
 use crate::solver::graph::Blocks;
-use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict};
+use crate::solver::kernel::{self, Accelerate, Correct, Motion, Predict, Substeps, VerletInPlace};
 use crate::solver::parallel;
-use crate::solver::particles::Vectors;
+use crate::solver::particles::{Particles, Vectors};
 
 /// What the last substep has left for the next one, besides the state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -86,6 +87,21 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     std::mem::swap(&mut particles.velocity, other_velocity);
     std::mem::swap(*acceleration, other_acceleration);
     scratch.carried = Carried::Accelerations;
+}
+
+/// All substeps of a tick, of blocks that no element leaves.
+pub(super) fn advance_in_place(
+    particles: &mut Particles,
+    blocks: &Blocks,
+    (field, scratch, acceleration): (&Field, &mut StepVectors, &mut Vectors),
+    substeps: Substeps,
+) {
+    let force = &mut scratch.velocity_slope;
+    force.resize(particles.len());
+    let kept = blocks.split(force.axes_mut()).zip(blocks.split(acceleration.axes_mut()));
+    closed::for_each(particles, blocks, field, substeps, kept, |closed, (force, acceleration)| {
+        kernel::run(&mut VerletInPlace { closed, force, acceleration });
+    });
 }
 
 /// Evaluates the a' of the last substep where contacts have left the particles since, and corrects the velocities by it.

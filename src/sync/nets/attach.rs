@@ -14,11 +14,6 @@ use crate::particle::{Particle, Pinned};
 use crate::solver;
 use crate::spring::{Broken, Spring};
 
-/// Whether there is any attachment that is not tied yet.
-pub(in crate::sync) fn any_untied(untied: Query<(), (With<Attachment>, Without<Tied>)>) -> bool {
-    !untied.is_empty()
-}
-
 /// After the particles of parts were found: ties those that were attached since the last tick, in the order of the nets and
 /// their parts.
 pub(in crate::sync) fn tie_attachments(
@@ -30,6 +25,9 @@ pub(in crate::sync) fn tie_attachments(
     mut gathered: ResMut<GatheredNets>,
     mut warnings: ResMut<Warnings>,
 ) {
+    if attachments.is_empty() {
+        return;
+    }
     for net_entity in state.nets.entities() {
         let Ok((net, parts)) = nets.get(net_entity) else { continue };
         for &part in parts.entities() {

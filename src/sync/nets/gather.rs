@@ -2,7 +2,6 @@
 
 use bevy::ecs::change_detection::Tick;
 use bevy::ecs::entity::{EntityHashMap, EntityHashSet};
-use bevy::math::Affine3A;
 use bevy::prelude::*;
 
 use super::super::Simulation;
@@ -27,7 +26,7 @@ pub(in crate::sync) struct GatheredNets {
     /// The particles that are pinned, in ascending order: working memory.
     pins: Vec<u32>,
     /// Where the entity of each net without a parent was, by number, and that as a frame without scale.
-    pub frames: Vec<Option<(Transform, Affine3A)>>,
+    pub frames: Vec<Option<(Transform, [f32; 12])>>,
 }
 
 /// The solver's copy of a net.

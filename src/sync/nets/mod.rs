@@ -12,7 +12,7 @@ mod place;
 mod registry;
 mod scatter;
 
-pub(super) use attach::{any_untied, retie, tie_attachments, untie};
+pub(super) use attach::{retie, tie_attachments, untie};
 pub(super) use failure::{give_breaking, give_yielding, turn_winches};
 pub(super) use gather::{GatheredNets, gather_nets};
 pub(super) use part_links::{note_despawned_part, relink_part, unlink_part};

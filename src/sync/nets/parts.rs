@@ -100,7 +100,7 @@ pub(in crate::sync) fn gather_parts(
             queries: &mut queries,
         };
         acting.resolve(parts);
-        entry.frame = acting.follow(parts, entry.frame, frame);
+        acting.follow(parts, &mut entry.frame, frame);
         parts.iter().for_each(|part| acting.act(*part));
         let held = &mut net.bypass_change_detection().arrays_mut().parts.held;
         held.sort_unstable();
@@ -150,14 +150,14 @@ impl ActingParts<'_, '_, '_, '_> {
         }
     }
 
-    /// What is pinned moves with the entity of the net, unless it has another parent. Returns where that is, if
-    /// anything is pinned. `known` is where the entity was found before.
+    /// What is pinned moves with the entity of the net, unless it has another parent. `last` is where that was, if anything is
+    /// pinned, and `known` where it was found before.
     fn follow(
         &mut self,
         parts: &[Entity],
-        last: Option<[f32; 12]>,
-        known: &mut Option<(Transform, Affine3A)>,
-    ) -> Option<[f32; 12]> {
+        last: &mut Option<[f32; 12]>,
+        known: &mut Option<(Transform, [f32; 12])>,
+    ) {
         let is_carried = |queries: &PartQueries, part: Entity| {
             queries
                 .parts
@@ -172,24 +172,30 @@ impl ActingParts<'_, '_, '_, '_> {
                 .is_ok_and(|(_, state, _, _, is_pinned)| is_pinned && !state.particles.is_empty())
         };
         if self.net.pinned().is_empty() && !parts.iter().any(|part| is_pinned(self.queries, part)) {
-            return None;
+            *last = None;
+            return;
         }
-        let own = *self.queries.transforms.get(self.net_entity).ok()?;
+        let Ok(&own) = self.queries.transforms.get(self.net_entity) else {
+            *last = None;
+            return;
+        };
         let is_child = self.queries.parents.contains(self.net_entity);
         let now = match known.filter(|(transform, _)| *transform == own && !is_child) {
             Some((_, frame)) => frame,
             None => {
                 let frame = self.queries.parent_frame(self.net_entity).0 * own.compute_affine();
                 let (_, rotation, translation) = frame.to_scale_rotation_translation();
-                Affine3A::from_rotation_translation(rotation, translation)
+                let now = Affine3A::from_rotation_translation(rotation, translation).to_cols_array();
+                *known = (!is_child).then_some((own, now));
+                now
             }
         };
-        *known = (!is_child).then_some((own, now));
-        let columns = now.to_cols_array();
-        let Some(last) = last.filter(|last| *last != columns && now.is_finite()) else {
-            return Some(columns);
-        };
-        let motion = as_double(&columns) * as_double(&last).inverse();
+        if *last == Some(now) {
+            return;
+        }
+        let is_finite = now.iter().all(|number| number.is_finite());
+        let Some(last) = last.replace(now).filter(|_| is_finite) else { return };
+        let motion = as_double(&now) * as_double(&last).inverse();
         let Arrays { positions, pinned, .. } = self.net.bypass_change_detection().arrays_mut();
         for particle in pinned {
             let place = &mut positions[*particle as usize];
@@ -205,7 +211,6 @@ impl ActingParts<'_, '_, '_, '_> {
                 transform.rotation = (turn * transform.rotation.as_dquat()).normalize().as_quat();
             }
         }
-        Some(columns)
     }
 
     fn act(&mut self, entity: Entity) {

@@ -33,18 +33,19 @@ pub(in crate::sync) fn scatter_nets(
     let start = Instant::now();
     let MassSpringState { nets: registry, solver, is_outdated, .. } = &mut *state;
     let view = View::new(solver.origin, *dimensions);
+    let is_finite = simulation.outputs.is_finite;
     for (entry, known) in registry.entries.iter().zip(&mut gathered.known) {
         let Some(place) = &entry.place else { continue };
         let Ok(mut net) = nets.get_mut(entry.entity) else { continue };
         if net.len() != place.len() {
             continue;
         }
-        let (has_changed, is_finite) =
-            copy_motion(&solver.particles, place, view, net.bypass_change_detection());
+        let (has_changed, are_finite) =
+            copy_motion(&solver.particles, place, (view, is_finite), net.bypass_change_detection());
         if has_changed {
             net.set_changed();
         }
-        if !is_finite {
+        if !are_finite {
             for particle in faulty(&solver.particles, place) {
                 log::error!(
                     "particle {particle} of net {} became non-finite in tick {} and was taken out of the simulation",
@@ -94,54 +95,52 @@ fn faulty(particles: &Particles, place: &NetPlace) -> Vec<u32> {
     (0..place.len() as u32).filter(is_faulty).collect()
 }
 
-/// Copies the motion of a net; returns whether anything is other than it was, and whether all is finite. What is not
-/// finite keeps its place, at rest.
-fn copy_motion(particles: &Particles, place: &NetPlace, view: View, net: &mut ParticleNet) -> (bool, bool) {
-    let (mut has_changed, mut has_moved, mut is_finite) = (false, false, true);
+/// Copies the motion of a net; returns whether anything is other than it was, and whether all is finite, which may be known. What
+/// is not finite keeps its place, at rest.
+fn copy_motion(
+    particles: &Particles,
+    place: &NetPlace,
+    (view, is_finite): (View, bool),
+    net: &mut ParticleNet,
+) -> (bool, bool) {
     let Arrays { positions, velocities, .. } = net.arrays_mut();
-    let [x, y, z] = particles.position.axes();
-    let [u, v, w] = particles.velocity.axes();
     let inverse_masses = particles.own_inverse_mass();
-    let mut copy =
-        |(at, speed): (Vec3, Vec3), inverse_mass: f32, position: &mut Vec3, velocity: &mut Vec3| {
-            // Zero times a finite number is zero.
-            let is_good = (at + speed).element_sum() * 0.0 == 0.0 || (at.is_finite() && speed.is_finite());
-            is_finite &= is_good;
-            // What is pinned is where it was put, and what was taken out where it was, to the bit.
-            let is_moved = is_good && (inverse_mass != 0.0 || !position.is_finite());
-            let place = if is_moved { view.to_world(at, *position) } else { *position };
-            let speed = if is_good { speed } else { Vec3::ZERO };
-            has_changed = has_changed || place != *position || speed != *velocity;
-            *position = place;
-            *velocity = speed;
-        };
-    match place.first() {
-        Some(first) => {
-            // Slices of one length: an index is checked for all of them at once.
-            let count = positions.len().min(velocities.len());
-            let (x, y, z) = (&x[first..][..count], &y[first..][..count], &z[first..][..count]);
-            let (u, v, w) = (&u[first..][..count], &v[first..][..count], &w[first..][..count]);
-            let inverse_masses = &inverse_masses[first..][..count];
-            let (positions, velocities) = (&mut positions[..count], &mut velocities[..count]);
-            for at in 0..count {
-                let (place, speed) = (Vec3::new(x[at], y[at], z[at]), Vec3::new(u[at], v[at], w[at]));
-                let checksum = (place + speed).element_sum() * 0.0;
-                if checksum == 0.0 && inverse_masses[at] != 0.0 && !view.is_flat {
-                    // Nearly all: what `copy` does without what need not be asked of each.
-                    let place = place + view.origin;
-                    has_moved |= place != positions[at] || speed != velocities[at];
-                    (positions[at], velocities[at]) = (place, speed);
-                } else {
-                    copy((place, speed), inverse_masses[at], &mut positions[at], &mut velocities[at]);
-                }
-            }
+    let (position_axes, velocity_axes) = (particles.position.axes(), particles.velocity.axes());
+    if let Some(first) = place.first().filter(|_| is_finite && !view.is_flat) {
+        // What nearly always is the case. Slices of one length: an index is checked for all of them at once.
+        let count = positions.len().min(velocities.len());
+        let slots = first..first + count;
+        let [x, y, z] = position_axes.map(|axis| &axis[slots.clone()]);
+        let [u, v, w] = velocity_axes.map(|axis| &axis[slots.clone()]);
+        let inverse_masses = &inverse_masses[slots];
+        let (positions, velocities) = (&mut positions[..count], &mut velocities[..count]);
+        let mut has_changed = false;
+        for at in 0..count {
+            let velocity = Vec3::new(u[at], v[at], w[at]);
+            // What is pinned is where it was put, to the bit.
+            let position = if inverse_masses[at] != 0.0 || !positions[at].is_finite() {
+                Vec3::new(x[at], y[at], z[at]) + view.origin
+            } else {
+                positions[at]
+            };
+            has_changed = has_changed || position != positions[at] || velocity != velocities[at];
+            (positions[at], velocities[at]) = (position, velocity);
         }
-        None => {
-            for (slot, (position, velocity)) in place.slots().zip(positions.iter_mut().zip(velocities)) {
-                let motion = (Vec3::new(x[slot], y[slot], z[slot]), Vec3::new(u[slot], v[slot], w[slot]));
-                copy(motion, inverse_masses[slot], position, velocity);
-            }
-        }
+        return (has_changed, true);
     }
-    (has_changed || has_moved, is_finite)
+    let ([x, y, z], [u, v, w]) = (position_axes, velocity_axes);
+    let (mut has_changed, mut is_finite) = (false, true);
+    for (slot, (position, velocity)) in place.slots().zip(positions.iter_mut().zip(velocities)) {
+        let (at, speed) = (Vec3::new(x[slot], y[slot], z[slot]), Vec3::new(u[slot], v[slot], w[slot]));
+        let is_good = at.is_finite() && speed.is_finite();
+        is_finite &= is_good;
+        // So is what was taken out.
+        let is_moved = is_good && (inverse_masses[slot] != 0.0 || !position.is_finite());
+        let place = if is_moved { view.to_world(at, *position) } else { *position };
+        let speed = if is_good { speed } else { Vec3::ZERO };
+        has_changed = has_changed || place != *position || speed != *velocity;
+        *position = place;
+        *velocity = speed;
+    }
+    (has_changed, is_finite)
 }
