@@ -7,6 +7,9 @@ use super::search::Moving;
 use super::spread::{EachMoved, Spread};
 use crate::solver::particles::Vectors;
 
+/// Number of substeps, at most, for which limits are to hold what moves fast.
+const WAYS: f32 = 4.0;
+
 /// Displacements of all vertices since some time, in two frames: *with its body*, without what all of the body have in common, and *in the
 /// world*. Distances within a body change by the first, those of bodies by the second.
 #[derive(Debug, Clone, Default)]
@@ -63,13 +66,14 @@ impl Displacements {
             let (frames, farthest, least) = (frames[number], spread.farthest(), self.least_limits[number]);
             let are_all_clear = (first_frame..frames).all(|frame| farthest[frame] <= least[frame]);
             let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
-            for frame in first_frame..if with_each || !are_all_clear { frames } else { 0 } {
+            let measured = if with_each || !are_all_clear { frames } else { 0 };
+            for (frame, drift) in drifts.into_iter().enumerate().take(measured).skip(first_frame) {
                 let mut is_beyond = false;
                 pulp::Arch::new().dispatch(EachMoved {
                     runs: &body.runs,
                     moving,
                     origins: &self.origins,
-                    drift: drifts[frame],
+                    drift,
                     limits: &self.limits[frame],
                     moved: &mut self.moved[frame],
                     is_beyond: &mut is_beyond,
@@ -132,6 +136,3 @@ impl Displacements {
         true
     }
 }
-
-/// Number of substeps, at most, for which limits are to hold what moves fast.
-const WAYS: f32 = 4.0;
