@@ -1,7 +1,7 @@
 //! Springs that break or yield, at the end of each substep.
 //!
-//! A spring whose tension is beyond its breaking force is removed, one that is strained beyond its yield strain gets
-//! another rest length. Both take energy away, and neither changes a velocity: momentum and angular momentum stay to
+//! A spring with a tension above its breaking force is removed, one with a strain beyond its yield strain gets another rest
+//! length. Both take energy away, and neither changes a velocity: momentum and angular momentum stay to
 //! the bit.
 //!
 //! Of connected springs only the one that is most overloaded breaks in a substep, and those that carry twice their breaking force: the
@@ -156,7 +156,7 @@ impl Failures {
         }
     }
 
-    /// Finds what fails. `known` has the tensions of the elements whose equations were solved or that rest; of others it has
+    /// Finds what fails. `known` has the tensions of the elements that were solved implicitly or are at rest; for others it has
     /// nothing, or NaN. Those at a particle that is `in_step` of a longer step are left for its end, and where rounding decides for
     /// that of the tick.
     pub fn find(

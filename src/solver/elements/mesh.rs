@@ -1,7 +1,7 @@
 //! What of nets collides beside particles: edges, as capsules, and triangles, with a thickness.
 //!
-//! A primitive is as thick as its particles: it is swept by spheres whose radii go from that of one corner to that of the
-//! next. Edges and triangles are numbered as springs are: in the order of adding, a removed one leaves an empty place.
+//! A primitive is as thick as its particles: it is the union of spheres with radii interpolated between those of its
+//! corners. Edges and triangles are numbered as springs are: in the order of adding, a removed one leaves an empty place.
 
 use std::ops::Range;
 

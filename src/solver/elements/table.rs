@@ -24,7 +24,7 @@ pub(in crate::solver) struct Table<E, const N: usize> {
     ramps: Vec<Ramp<E>>,
 }
 
-/// An element whose parameters go from one value to another within a tick.
+/// An element with parameters that change within a tick, from one value to another.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 pub(in crate::solver) struct Ramp<E> {

@@ -9,7 +9,7 @@ use crate::solver::elements::{Bend, for_each_bend};
 /// a run of its own.
 const MAX_HOLE: u32 = MIN_RUN as u32;
 
-/// Bends each of whose ends are consecutive slots, with holes where there is none: as along a rope, or the rows of a cloth.
+/// Bends with consecutive slots at each end, with holes where there is none: as along a rope, or the rows of a cloth.
 #[derive(Debug, Clone)]
 pub(in crate::solver) struct BendRun<const N: usize> {
     /// The first of the slots of each end.

@@ -23,8 +23,8 @@ const MAX_HOLE: u32 = MIN_RUN as u32;
 /// In place of a spring where there is none.
 pub(super) const NO_SPRING: u32 = u32::MAX;
 
-/// Springs whose lower ends are consecutive slots, and whose upper ends are too, with holes where there is none: as from
-/// one short rope to the next, or between the rows of a small cloth.
+/// Springs with consecutive slots at their lower ends, and at their upper ends, with holes where there is none: as from one
+/// short rope to the next, or between the rows of a small cloth.
 #[derive(Debug, Clone)]
 pub(in crate::solver) struct Run {
     /// The first of the lower slots.

@@ -2,7 +2,7 @@
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::lists::Near;
+use super::lists::NearPair;
 use super::pair::{CLOSE_PART, Kind, Ways, least_apart, rounding_of};
 use super::primitives::owns;
 use super::search::{Candidate, Moving, Search};
@@ -153,7 +153,7 @@ pub(super) struct Meeting {
 
 impl Examination<'_> {
     /// How a pair meets, if its sides come within `slop` m of touching on the way.
-    pub fn meeting(&self, near: Near, slop: f32) -> Option<Meeting> {
+    pub fn meeting(&self, near: NearPair, slop: f32) -> Option<Meeting> {
         let candidate = self.search.candidate(near);
         let largest = candidate.largest_reach();
         let least = self.search.least_distance(near);
@@ -205,7 +205,7 @@ impl Examination<'_> {
     }
 
     /// The contact of a pair, if it touches.
-    pub fn contact(&self, near: Near) -> Option<Contact> {
+    pub fn contact(&self, near: NearPair) -> Option<Contact> {
         let Self { moving: Moving { particles, .. }, acceleration, .. } = self;
         let Meeting { weights, normal, reach, gap } = self.meeting(near, self.rebound.slop)?;
         let candidate = self.search.candidate(near);

@@ -4,7 +4,7 @@
 //! and what is stopped there would never part.
 
 use super::contact::COINCIDENT;
-use super::lists::{List, Near};
+use super::lists::{List, NearPair};
 use super::search::{Candidate, Moving};
 
 /// The corners of pairs that cross.
@@ -12,7 +12,7 @@ use super::search::{Candidate, Moving};
 pub(super) struct Crossings {
     slots: Vec<u32>,
     /// The pairs that may cross.
-    pairs: Vec<Near>,
+    pairs: Vec<NearPair>,
     /// By slot; all false while there are none.
     is_marked: Vec<bool>,
 }
@@ -20,7 +20,7 @@ pub(super) struct Crossings {
 impl Crossings {
     /// Lists those of a list that may cross before a vertex leaves its limits. Of what is joined nothing is a crossing.
     pub fn list(&mut self, candidates: &[Candidate], list: &List) {
-        let may_cross = |near: &&Near| {
+        let may_cross = |near: &&NearPair| {
             let candidate = &candidates[near.number as usize];
             candidate.most >= candidate.reach
                 && candidate.least_distance(near.distance, &list.displacements.limits) <= most_of(candidate)

@@ -105,17 +105,20 @@ impl Displacements {
             let left = most - before;
             (wanted.min(left), left < (0.5 * part * most).max(way))
         };
+        // How far a vertex has come since `outer` began, and goes in the substep, with what has been in common by then taken off.
+        let lengths = |slot: usize, [before, common]: [Vec3A; 2]| {
+            let [start, end] = moving.ends(slot);
+            let moved = start - Vec3A::from(outer.origins.get(slot));
+            let lengths = [moved - before, end - start - common].map(|vector| vector.length());
+            lengths.map(|length| if length.is_finite() { length } else { 0.0 })
+        };
         for (number, body) in primitives.forest.bodies.iter().enumerate() {
             let [own, other] = [&self.origins, &outer.origins]
                 .map(|origins| Spread::of(&body.runs, moving, origins).drift());
+            let drifts = [[other[0], own[1]], [Vec3A::ZERO; 2]];
             for slot in primitives.forest.vertices_of(body).iter().map(|slot| *slot as usize) {
-                let [start, end] = moving.ends(slot);
-                let before = start - Vec3A::from(outer.origins.get(slot));
-                for frame in 0..frames[number] {
-                    let [drift, common] = if frame == 0 { [other[0], own[1]] } else { [Vec3A::ZERO; 2] };
-                    let lengths = [before - drift, end - start - common].map(|vector| vector.length());
-                    let lengths = lengths.map(|length| if length.is_finite() { length } else { 0.0 });
-                    let (limit, is_narrow) = limit_of(slot, frame, lengths);
+                for (frame, drift) in drifts.into_iter().enumerate().take(frames[number]) {
+                    let (limit, is_narrow) = limit_of(slot, frame, lengths(slot, drift));
                     if is_narrow {
                         return false;
                     }
@@ -124,10 +127,7 @@ impl Displacements {
             }
         }
         for slot in primitives.balls.iter().map(|slot| *slot as usize) {
-            let [start, end] = moving.ends(slot);
-            let lengths = [start - Vec3A::from(outer.origins.get(slot)), end - start].map(|way| way.length());
-            let lengths = lengths.map(|length| if length.is_finite() { length } else { 0.0 });
-            let (limit, is_narrow) = limit_of(slot, 1, lengths);
+            let (limit, is_narrow) = limit_of(slot, 1, lengths(slot, [Vec3A::ZERO; 2]));
             if is_narrow {
                 return false;
             }

@@ -15,7 +15,7 @@ const PART: f32 = 0.3;
 
 /// A pair that is near.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Near {
+pub(super) struct NearPair {
     /// Its number among the candidates.
     pub number: u32,
     /// Its distance at the start of the substep in which it was listed, at least, m.
@@ -27,7 +27,7 @@ pub(super) struct Near {
 pub(super) struct List {
     pub displacements: Displacements,
     /// In the order of the candidates.
-    pub pairs: Vec<Near>,
+    pub pairs: Vec<NearPair>,
 }
 
 impl List {
@@ -35,7 +35,7 @@ impl List {
     /// of now. Whether the limits of `outer` leave room for those of the list.
     pub fn make(
         &mut self,
-        (pairs, outer, is_fresh): (impl Iterator<Item = Near>, &Displacements, bool),
+        (pairs, outer, is_fresh): (impl Iterator<Item = NearPair>, &Displacements, bool),
         (candidates, margin, measured): (&[Candidate], f32, Measured),
     ) -> bool {
         if !self.displacements.begin_within(outer, measured, PART) {
@@ -43,7 +43,7 @@ impl List {
         }
         let (limits, start) = (&self.displacements.limits, measured.moving.start);
         self.pairs.clear();
-        for Near { number, mut distance } in pairs {
+        for NearPair { number, mut distance } in pairs {
             let candidate = &candidates[number as usize];
             let most = candidate.largest_reach() + margin;
             let may_touch = |distance: f32| candidate.least_distance(distance, limits) <= most;
@@ -59,7 +59,7 @@ impl List {
                 distance = closest(candidate.kind, &corners).apart.length() - rounding;
             }
             if may_touch(distance) {
-                self.pairs.push(Near { number, distance });
+                self.pairs.push(NearPair { number, distance });
             }
         }
         true
@@ -69,6 +69,6 @@ impl List {
     pub fn list_all(&mut self, count: usize, moving: Moving) {
         self.displacements.begin(moving, 0);
         self.pairs.clear();
-        self.pairs.extend((0..count as u32).map(|number| Near { number, distance: f32::NEG_INFINITY }));
+        self.pairs.extend((0..count as u32).map(|number| NearPair { number, distance: f32::NEG_INFINITY }));
     }
 }

@@ -3,13 +3,14 @@
 //! Each vertex has two bounding boxes with a margin greater than its displacement in the substep of the search: one that moves with
 //! its body, for pairs within it, and one fixed in the world, for pairs of bodies. No new search is needed while all vertices stay
 //! inside; what moves together, or is far from all others, uses no margin up. `spread.rs` checks a whole body at once.
+//! What is looked at in each substep are not all of the pairs that were found, but those of the last one of the lists (`lists.rs`).
 
 use bevy::math::Vec3A;
 
 use super::crossing::Crossings;
 use super::displacements::{Displacements, Measured};
 use super::finder::Wanted;
-use super::lists::{List, Near};
+use super::lists::{List, NearPair};
 use super::pair::Kind;
 use super::primitives::Primitives;
 use super::spread::{Spread, margin_of};
@@ -57,7 +58,7 @@ pub(super) struct Search {
     max_age: u32,
     /// Distance from touching up to which pairs are found, within a body and of bodies, m.
     margins: [f32; 2],
-    /// Since the search: the limits are those of the boxes.
+    /// Since the search. The boxes allow for the limits.
     displacements: Displacements,
     /// By slot: the boxes in which a vertex stays with its radius, with its body and in the world.
     boxes: [Vec<Box3>; 2],
@@ -139,19 +140,19 @@ impl Search {
     }
 
     /// The pairs that may touch in the substep.
-    pub fn near(&self) -> &[Near] {
+    pub fn near(&self) -> &[NearPair] {
         if self.built == 2 { &self.lists[1].pairs } else { &[] }
     }
 
     /// What a pair is.
     #[inline]
-    pub fn candidate(&self, near: Near) -> &Candidate {
+    pub fn candidate(&self, near: NearPair) -> &Candidate {
         &self.candidates[near.number as usize]
     }
 
     /// A distance below which a pair has not come at the start and at the end of the substep, m.
     #[inline]
-    pub fn least_distance(&self, near: Near) -> f32 {
+    pub fn least_distance(&self, near: NearPair) -> f32 {
         self.candidate(near).least_distance(near.distance, &self.lists[1].displacements.moved)
     }
 
@@ -238,7 +239,7 @@ impl Search {
             let wanted = (&candidates[..], *listed_margin, measured);
             let is_made = if self.built == 0 {
                 let numbers = (0..).zip(&*candidates);
-                let all = numbers.map(|(number, one)| Near { number, distance: one.distance });
+                let all = numbers.map(|(number, one)| NearPair { number, distance: one.distance });
                 first.make((all, displacements, is_fresh), wanted)
             } else {
                 second.make((first.pairs.iter().copied(), &first.displacements, is_fresh), wanted)

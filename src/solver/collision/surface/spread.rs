@@ -1,4 +1,4 @@
-//! How far the vertices of a body may move after a search, and how far they have moved: bounds for the whole body in one vectorised pass,
+//! How far the vertices of a body may move after a search, and how far they have moved since some time: bounds for the whole body in one vectorised pass,
 //! and the displacement of each vertex in another.
 
 use std::ops::Range;
@@ -27,7 +27,7 @@ const ROUNDING: f32 = 4e-7;
 /// The boxes of what the vertices of a body have done.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spread {
-    /// Their displacements from where they were in the search, at the start and at the end of the substep, m.
+    /// Their displacements from their origins, at the start and at the end of the substep, m.
     displacement: [Box3; 2],
     /// Their positions at both, m.
     pub position: Box3,
@@ -112,7 +112,7 @@ impl pulp::WithSimd for Extremes<'_> {
     }
 }
 
-/// Finds how far each vertex is from where it was.
+/// Finds how far each vertex is from its origin.
 pub(super) struct EachMoved<'a> {
     pub runs: &'a [Range<u32>],
     pub moving: Moving<'a>,
