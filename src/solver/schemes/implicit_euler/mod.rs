@@ -25,6 +25,7 @@ mod contact;
 mod contacts;
 mod core;
 mod coupling;
+mod eliminated;
 mod features;
 mod gas;
 mod island;
@@ -223,8 +224,8 @@ impl ImplicitEuler {
 }
 
 impl Island {
-    /// Solves the equations of the step, which the system has begun.
-    fn solve(&mut self, particles: &Particles, step: Step) {
+    /// Solves the equations of the step, which the system has begun; whether the solution has come close enough.
+    fn solve(&mut self, particles: &Particles, step: Step) -> bool {
         let Step { obstacles, sprung, surroundings, h, .. } = step;
         let Surroundings { memory, settings, .. } = surroundings;
         let Self { elimination, system, newton, excluded, pairs, surfaces, node_of, features, .. } = self;
@@ -243,17 +244,20 @@ impl Island {
             if !surfaces.is_empty() {
                 system.begin_low(elimination);
             }
-            loop {
+            let is_solved = loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
                 if !system.contacts.refine(&system.position, is_solved) {
-                    break;
+                    break is_solved;
                 }
+            };
+            if reach > 0.0 || obstacles.is_empty() {
+                return is_solved;
             }
             let System { start, position, contacts, .. } = &*system;
             match contacts.missing_reach(elimination.free, start, position) {
-                Some(missing) if reach == 0.0 && !obstacles.is_empty() => reach = 2.0 * missing,
-                _ => break,
+                Some(missing) => reach = 2.0 * missing,
+                None => return is_solved,
             }
         }
     }
@@ -273,7 +277,7 @@ impl Island {
             self.refresh_features(features, features_version, particles.len());
         }
         self.system.begin(&self.elimination, particles, elements, field, h);
-        self.solve(particles, step);
+        let is_solved = self.solve(particles, step);
         self.balance();
         let Self { elimination, system, newton, .. } = self;
         let resting_speed = f64::from(field.gravity.length()) * h;
@@ -289,7 +293,7 @@ impl Island {
             newton.solve_once(system, elimination);
             self.balance_rebound();
         }
-        if !self.is_left_alone(particles) {
+        if is_solved && self.dissipates() || !self.is_left_alone(particles) {
             self.finish(particles, acceleration, h, rebounds);
             return;
         }
@@ -375,6 +379,7 @@ impl Island {
 }
 
 /// Gives a particle its new position and velocity.
+#[inline]
 fn write(
     particles: &mut Particles,
     acceleration: &mut Vectors,
