@@ -67,14 +67,8 @@ impl Eliminated {
         for index in 0..4 {
             row_z[index] = xz * x[index] + yz * y[index] + zz * z[index];
         }
-        let matrix = Symmetric {
-            xx: row_x[0],
-            yy: row_y[1],
-            zz: row_z[2],
-            xy: row_x[1],
-            xz: row_x[2],
-            yz: row_y[2],
-        };
+        let matrix =
+            Symmetric { xx: row_x[0], yy: row_y[1], zz: row_z[2], xy: row_x[1], xz: row_x[2], yz: row_y[2] };
         (matrix, DVec3::new(row_x[3], row_y[3], row_z[3]))
     }
 }
