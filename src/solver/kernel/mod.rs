@@ -9,6 +9,7 @@ mod accelerations;
 mod bends;
 mod closed;
 mod in_air;
+mod parallelograms;
 mod semi_implicit;
 mod springs;
 mod verlet;
