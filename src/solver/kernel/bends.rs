@@ -2,8 +2,8 @@
 
 use bevy::math::Vec3;
 
-use super::{Motion, parallelograms};
 use super::accelerations::LANES;
+use super::{Motion, parallelograms};
 use crate::solver::elements::{Bend, for_each_bend};
 use crate::solver::graph::block::Block;
 use crate::solver::graph::{BendList, BendRun};

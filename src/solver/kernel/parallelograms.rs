@@ -64,11 +64,11 @@ fn add_together<const RUNS: usize>(
     }
     for (force, position) in force.iter_mut().zip(motion.position) {
         buffers.iter_mut().for_each(|pulls| pulls[..span].fill(0.0));
-        let mut slot = lowest;
+        let (mut slot, mut holes) = (lowest, runs.map(|run| run.holes));
         while slot < end {
             let count = (PLACES - span).min(end - slot);
-            for (pulls, run) in buffers.iter_mut().zip(&runs) {
-                compute(run, (position, motion.first), slot, &mut pulls[span..span + count]);
+            for ((pulls, run), holes) in buffers.iter_mut().zip(&runs).zip(&mut holes) {
+                compute(run, (position, motion.first), slot, &mut pulls[span..span + count], holes);
             }
             // Of each run the pulls on the particles of the window by one of the corners.
             let corner = |run: usize, offset: usize| &buffers[run][span - offset..][..count];
@@ -121,9 +121,15 @@ fn add_corners<const RUNS: usize>(
 }
 
 /// The pulls along one axis of the bends with their lowest corners in the slots from `slot` on; zero where there is none. Positions
-/// are of the particles from `first` on. Differences of near corners come first: they lose no digits.
+/// are of the particles from `first` on, `holes` those from here on. Differences of near corners come first: they lose no digits.
 #[inline(always)]
-fn compute(run: &Parallelograms, (position, first): (&[f32], usize), slot: usize, pulls: &mut [f32]) {
+fn compute(
+    run: &Parallelograms,
+    (position, first): (&[f32], usize),
+    slot: usize,
+    pulls: &mut [f32],
+    holes: &mut &[u32],
+) {
     let window = slot..slot + pulls.len();
     let begin = run.lowest.clamp(window.start, window.end);
     let end = (run.lowest + run.count).clamp(window.start, window.end);
@@ -140,9 +146,11 @@ fn compute(run: &Parallelograms, (position, first): (&[f32], usize), slot: usize
     for index in 0..count {
         pulls[index] = ((three[index] - one[index]) + (four[index] - two[index])) * run.stiffness;
     }
-    let (begin, end) = (begin - run.lowest, end - run.lowest);
-    let place_of = |hole: usize| run.holes.partition_point(|place| (*place as usize) < hole);
-    for place in &run.holes[place_of(begin)..place_of(end)] {
-        pulls[*place as usize - begin] = 0.0;
+    let begin = begin - run.lowest;
+    while let Some((place, rest)) = holes.split_first()
+        && let Some(pull) = pulls.get_mut(*place as usize - begin)
+    {
+        *pull = 0.0;
+        *holes = rest;
     }
 }
