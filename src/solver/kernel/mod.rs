@@ -3,7 +3,8 @@
 //! They are plain loops over slices, written so that the compiler turns them into vector instructions,
 //! and compiled for each instruction set that is worth it; which one runs is chosen once, when the
 //! program starts (by the crate `pulp`). No operation is reordered or contracted, so all of them give the
-//! same bits, those of [`Element::pull`](crate::solver::elements::Element::pull) one element after the other.
+//! same bits, those of [`Element::pull`](crate::solver::elements::Element::pull) one element after the other, but for
+//! bends of parallelograms, which are summed in another order (`parallelograms.rs`).
 
 mod accelerations;
 mod bends;
