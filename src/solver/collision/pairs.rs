@@ -55,6 +55,7 @@ pub(super) struct PairContact {
     pub sprung: bool,
 }
 
+/// Piles read and write all contacts several times in a substep.
 const _: () = assert!(size_of::<PairContact>() == 64);
 
 impl PairContact {

@@ -47,13 +47,13 @@ pub(super) struct Touch {
     pub mass: f32,
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
-    /// Where contacts take back what they have given too much.
+    /// Used only where contacts may take back what they have given too much.
     pub given: Given,
     /// What names it among those of the substep before.
     pub key: u64,
 }
 
-/// What a contact has done so far in this substep, or before it begins in the one before.
+/// What a contact has done so far in this substep; until it starts, what it did in the substep before.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Given {
     /// Change of the velocity along the normal, m/s, >= 0, and by friction.
@@ -122,11 +122,11 @@ impl Touch {
     /// Begins with the impulse of the substep before.
     pub fn start_velocity(&mut self, bodies: &mut [Body]) {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
-        let before = (self.given.velocity, self.given.rubbed);
+        let Given { velocity, rubbed, .. } = self.given;
         (self.given.velocity, self.given.rubbed) = Default::default();
-        let change = before.0.min(self.target_velocity - relative.dot(self.normal));
+        let change = velocity.min(self.target_velocity - relative.dot(self.normal));
         if change > 0.0 {
-            let rubbed = shortened(tangential(before.1.into(), self.normal), self.friction * change);
+            let rubbed = shortened(tangential(rubbed.into(), self.normal), self.friction * change);
             (self.given.velocity, self.given.rubbed) = (change, rubbed.into());
             self.impulse = change * self.mass;
             let change_of_velocity = self.normal * change + rubbed;
@@ -151,11 +151,11 @@ impl Touch {
 
     /// Begins with the correction of the substep before.
     pub fn start_position(&mut self, bodies: &mut [Body]) {
-        let before = (self.given.depth, self.given.held);
+        let Given { depth, held, .. } = self.given;
         (self.given.depth, self.given.held) = Default::default();
-        let depth = before.0.min(self.depth_among(bodies));
+        let depth = depth.min(self.depth_among(bodies));
         if depth > 0.0 {
-            let held = shortened(tangential(before.1.into(), self.normal), self.friction * depth);
+            let held = shortened(tangential(held.into(), self.normal), self.friction * depth);
             (self.given.depth, self.given.held) = (depth, held.into());
             let correction = self.normal * depth + held;
             self.each(bodies, |body, share| body.position += correction * share);

@@ -1,4 +1,4 @@
-//! Springs whose two ends are at the same position have no direction: their ends are moved apart.
+//! Springs with both ends at the same position have no direction: their ends are moved apart.
 //!
 //! That is done once, before a tick, by a thousandth of the rest length; from then on the force of the spring has a direction. Pinned
 //! particles stay, and what hangs from them is moved along gravity, link by link: so a rope that was spawned in one point unfolds

@@ -14,8 +14,8 @@ use super::Motion;
 use super::accelerations::LANES;
 use crate::solver::graph::{BendRun, Parallelograms};
 
-/// Pulls in the buffer of a run. With two windows' worth the three buffers do not fit into the first-level cache; with less the
-/// start of each window, some hundred instructions, is seen.
+/// Pulls in the buffer of a run. Twice as many in three buffers do not fit into the first-level cache; with fewer, the some
+/// hundred instructions with which each window starts are a noticeable part.
 const PLACES: usize = 2048;
 
 /// Numbers computed together.

@@ -141,7 +141,7 @@ fn copy_motion(
         let inverse_masses = &inverse_masses[slots];
         let (positions, velocities) = (&mut positions[..count], &mut velocities[..count]);
         let source = Source { position: [x, y, z], velocity: [u, v, w], inverse_masses, origin: view.origin };
-        // Of what moves, the first particles do: all others need not be compared.
+        // Where a net moves, the comparison ends at the first particle that does.
         let is_other = |at: usize| {
             source.position(at, positions[at]) != positions[at] || source.velocity(at) != velocities[at]
         };

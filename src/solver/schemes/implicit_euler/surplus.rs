@@ -27,8 +27,9 @@ impl Island {
     ///
     /// E' − E = −Σ ½ m ‖v' − v‖² + Σ (V' − V − T' d' · (s' − s))
     ///
-    /// As d' · s is at most the length l = ‖s‖ before, the last product is at least T' (l' − l) where T' >= 0, and
-    /// V' − V − T' (l' − l) = −½ k (l' − l)² − (c/h) (l' − l)².
+    /// d' · s is at most the length l = ‖s‖ before. So the last product is at least T' (l' − l) where T' >= 0, and
+    /// V' − V − T' (l' − l) = −½ k (l' − l)² − (c/h) (l' − l)² <= 0. Of a cable that is slack before
+    /// or after it is at most 0, too.
     pub(super) fn dissipates(&self) -> bool {
         let Self { elimination, system, .. } = self;
         !system.contacts.any() && elimination.gases.is_empty() && !system.any_pressed(elimination)
