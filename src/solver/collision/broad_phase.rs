@@ -49,6 +49,9 @@ pub(super) struct BroadPhase {
     /// Number of searches still to come that do not look for free chains, and how many there were to be after the last one
     /// that did.
     pause: [u32; 2],
+    /// Number of ticks still to come that are not tried as a whole, and how many there were to be after the last one that
+    /// failed.
+    pub tick_pause: [u32; 2],
 }
 
 impl BroadPhase {
@@ -134,7 +137,7 @@ impl BroadPhase {
     }
 
     /// What all have moved by, about, m. (Any vector will do: skins and boxes are compared without it.)
-    fn common_way(&self, particles: &Particles) -> Vec3 {
+    pub fn common_way(&self, particles: &Particles) -> Vec3 {
         mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot))
     }
 

@@ -41,6 +41,9 @@ const PLAY_SUBSTEPS: f32 = 2.0;
 /// Pairs of particles are tested together: a vector of AVX2.
 const LANES: usize = 8;
 
+/// Coordinates of consecutive particles, m, and the slot of the first.
+pub(super) type Coordinates<'a> = (usize, [&'a [f32]; 3]);
+
 /// A free chain.
 #[derive(Debug, Clone, Copy, Default)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
@@ -87,8 +90,12 @@ impl Chain {
 
     /// Whether so little of its play is used that it may keep it.
     pub fn has_play_left(&self, positions: &Vectors, origins: &Vectors) -> bool {
-        let [_, is_within] =
-            self.keeps_within([positions, origins], (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
+        let [_, is_within] = self.keeps_within(
+            (0, positions.axes()),
+            origins,
+            (Vec3::ZERO, Vec3::ZERO),
+            KEPT_PLAY * self.play,
+        );
         is_within
     }
 
@@ -104,48 +111,61 @@ impl Chain {
     #[inline(always)]
     fn keeps_within(
         &self,
-        [positions, origins]: [&Vectors; 2],
+        (first, [x, y, z]): Coordinates,
+        origins: &Vectors,
         (common, margin): (Vec3, Vec3),
         play: f32,
     ) -> [bool; 2] {
-        let (least, most) = (self.least + common - margin, self.most + common + margin);
-        let (slots, limit) = (self.slots(), play * play);
-        let count = slots.len();
-        let [x, y, z] = positions.axes();
-        let (x, y, z) = (&x[slots.clone()], &y[slots.clone()], &z[slots.clone()]);
-        let [from_x, from_y, from_z] = origins.axes();
-        let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
-        // Numbers as wide as coordinates: the compiler makes vectors of them. 0 for NaN.
-        let is_inside = |place: usize| {
-            let inside = |x: f32, axis: usize| u32::from(x >= least[axis]) & u32::from(x <= most[axis]);
-            inside(x[place], 0) & inside(y[place], 1) & inside(z[place], 2)
-        };
-        let (mut inside, mut within) = (is_inside(0), 1);
-        for place in 1..count {
-            inside &= is_inside(place);
-            let change_x = (x[place] - x[place - 1]) - (from_x[place] - from_x[place - 1]);
-            let change_y = (y[place] - y[place - 1]) - (from_y[place] - from_y[place - 1]);
-            let change_z = (z[place] - z[place - 1]) - (from_z[place] - from_z[place - 1]);
-            let change_squared = change_x * change_x + change_y * change_y + change_z * change_z;
-            within &= u32::from(change_squared <= limit);
+        let bounds = [self.least + common - margin, self.most + common + margin];
+        let (slots, count) = (self.slots(), self.slots().len());
+        let here = slots.start - first;
+        let positions = [x, y, z].map(|axis| &axis[here..here + count]);
+        let origins = origins.axes().map(|axis| &axis[slots.clone()]);
+        let start = positions.map(|axis| axis[0]);
+        let is_start_inside =
+            (0..3).all(|axis| start[axis] >= bounds[0][axis] && start[axis] <= bounds[1][axis]);
+        let limit = play * play;
+        let (mut inside, mut within) = (is_start_inside, true);
+        if count > LANES {
+            let (mut all_inside, mut all_within) = ([1; LANES], [1; LANES]);
+            // The last ones overlap those before.
+            for place in (1..count - LANES).step_by(LANES).chain([count - LANES]) {
+                let [new_inside, new_within] = keep::<LANES>(place, [positions, origins], bounds, limit);
+                for lane in 0..LANES {
+                    all_inside[lane] &= new_inside[lane];
+                    all_within[lane] &= new_within[lane];
+                }
+            }
+            (inside, within) = (inside && all_inside == [1; LANES], all_within == [1; LANES]);
+        } else {
+            for place in 1..count {
+                let [new_inside, new_within] = keep::<1>(place, [positions, origins], bounds, limit);
+                (inside, within) = (inside && new_inside == [1], within && new_within == [1]);
+            }
         }
-        [inside == 1, within == 1]
+        [inside, within]
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
     #[inline(always)]
     pub fn proofs(&self, positions: &Vectors, origins: &Vectors, common: Vec3) -> [Proof; 2] {
-        let motion = [positions, origins];
-        let hold = self.keeps_within(motion, (common, Vec3::ZERO), USED_PLAY * self.play);
+        let positions = (0, positions.axes());
+        let hold = self.keeps_within(positions, origins, (common, Vec3::ZERO), USED_PLAY * self.play);
         if hold == [true; 2] {
             return [Proof::Holds; 2];
         }
-        let may_go_on = self.keeps_within(motion, (common, self.margin), self.play);
+        let may_go_on = self.keeps_within(positions, origins, (common, self.margin), self.play);
         [0, 1].map(|place| match (hold[place], may_go_on[place]) {
             (true, _) => Proof::Holds,
             (false, true) => Proof::Expires,
             (false, false) => Proof::Fails,
         })
+    }
+
+    /// Whether it touches nothing, as all of it is in what is reserved for it and none of its play is exceeded.
+    #[inline(always)]
+    pub fn is_free(&self, positions: Coordinates, origins: &Vectors, common: Vec3) -> bool {
+        self.keeps_within(positions, origins, (common, self.margin), self.play) == [true; 2]
     }
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
@@ -183,6 +203,31 @@ impl Chain {
         self.most = most[0] + (most[1].max(Vec3::ZERO) + change) * duration;
         self.margin = 2.0 * (along + across + gravity * substep) * substep;
     }
+}
+
+/// Of `COUNT` consecutive particles from a `place` in a chain: 1 for those that are within `bounds`, and for those of which the motion
+/// relative to the one before has a square of at most `limit` m²; else, and for NaN, 0. (Numbers as wide as coordinates: the compiler makes
+/// vectors of them.)
+#[inline(always)]
+fn keep<const COUNT: usize>(
+    place: usize,
+    [positions, origins]: [[&[f32]; 3]; 2],
+    [least, most]: [Vec3; 2],
+    limit: f32,
+) -> [[u32; COUNT]; 2] {
+    let lanes =
+        |axis: &[f32], place: usize| *axis[place..].first_chunk::<COUNT>().expect("the chain has as many");
+    let (mut inside, mut change_squared) = ([1; COUNT], [0.0; COUNT]);
+    for axis in 0..3 {
+        let [here, before] = [place, place - 1].map(|place| lanes(positions[axis], place));
+        let [from, from_before] = [place, place - 1].map(|place| lanes(origins[axis], place));
+        for lane in 0..COUNT {
+            inside[lane] &= u32::from(here[lane] >= least[axis]) & u32::from(here[lane] <= most[axis]);
+            let change = (here[lane] - before[lane]) - (from[lane] - from_before[lane]);
+            change_squared[lane] += change * change;
+        }
+    }
+    [inside, change_squared.map(|change: f32| u32::from(change <= limit))]
 }
 
 /// Finds the least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide, m.
@@ -288,7 +333,7 @@ pub(super) mod tests {
             let check = |place: usize, way: Vec3| {
                 let mut moved = origins.clone();
                 moved.set(place, origins.get(place) + way);
-                chain.keeps_within([&moved, &origins], (Vec3::ZERO, Vec3::ZERO), 0.02)
+                chain.keeps_within((0, moved.axes()), &origins, (Vec3::ZERO, Vec3::ZERO), 0.02)
             };
             for place in 0..count {
                 for axis in Vec3::AXES {

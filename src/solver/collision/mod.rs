@@ -6,7 +6,7 @@
 //!
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
 //! `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
-//! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
+//! which pairs may touch, `recall.rs` what is known of them; `whole_ticks.rs` ticks in which nothing can; `narrow.rs` which pairs do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
 //! `touch.rs` the three kinds of contact, `solve.rs` the order in which they are solved. Colliders: `collider.rs` their poses, `shapes/`
 //! their geometry, `material.rs` restitution, friction and layers, `touch_search.rs` which particles touch them, `feature_search.rs`
 //! which edges and triangles do, `guard.rs` what would pass through, `presence.rs` whether they have changed. `rest.rs`: what stays
@@ -35,6 +35,7 @@ mod pairs;
 mod plane;
 mod presence;
 mod reach;
+mod recall;
 mod record;
 mod regions;
 mod response;
@@ -47,6 +48,7 @@ mod surface;
 mod sweep;
 mod touch;
 mod touch_search;
+mod whole_ticks;
 
 use bevy::math::{Vec3, Vec3A};
 

@@ -9,11 +9,17 @@
 //! ```
 //!
 //! The results have the same bits as those of one substep of all blocks after the other.
+//!
+//! What might touch is looked at after each substep: where something does not hold by which nothing touches, all is put back, and the tick
+//! is taken with contacts.
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Caches, Inputs, Plan, State, StepSettings};
+use crate::solver::collision::Substep;
 use crate::solver::field::Field;
 use crate::solver::particles::PinnedMotion;
-use crate::solver::schemes::{self, Substeps};
+use crate::solver::schemes::{self, Check, Substeps};
 
 impl Caches {
     /// Advances all particles by all substeps of a tick, each of `duration` seconds, if nothing happens between them but that pinned
@@ -28,11 +34,51 @@ impl Caches {
         if !self.may_advance_in_place(state, plan) {
             return false;
         }
-        let Self { blocks, scratch, motions, .. } = self;
+        let may_touch = self.contacts.is_active();
+        let Self { blocks, scratch, motions, contacts, before, .. } = self;
         let Some(pinned) = in_order(&inputs.pinned, motions) else { return false };
-        let substeps = Substeps { count: plan.substeps, duration, pinned, time_step: settings.time_step };
-        let field = Field::of(settings, None);
-        schemes::advance_in_place(plan.integrator, field, blocks, &mut state.particles, scratch, substeps);
+        let State { elements, particles, contacts: memory, .. } = state;
+        let watch = if may_touch {
+            let Inputs { colliders, skins, .. } = inputs;
+            let (acceleration, integrator, elapsed) = (&scratch.acceleration, plan.integrator, 0.0);
+            let substep =
+                Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed };
+            let Some(watch) = contacts.watch(memory, particles, substep) else { return false };
+            before[0].copy_from(&particles.position);
+            before[1].copy_from(&particles.velocity);
+            Some(watch)
+        } else {
+            None
+        };
+        let has_held = AtomicBool::new(true);
+        let check = watch.as_ref().map(|watch| {
+            |first: usize, positions: [&[f32]; 3], done: u32| {
+                if !watch.holds((first, positions), done) {
+                    has_held.store(false, Ordering::Relaxed);
+                }
+                has_held.load(Ordering::Relaxed)
+            }
+        });
+        let check = check.as_ref().map(|check| check as &Check);
+        let (count, time_step) = (plan.substeps, settings.time_step);
+        let substeps = Substeps { count, duration, pinned, time_step, check };
+        schemes::advance_in_place(
+            plan.integrator,
+            Field::of(settings, None),
+            blocks,
+            particles,
+            scratch,
+            substeps,
+        );
+        if may_touch {
+            let has_held = has_held.into_inner();
+            contacts.end_watch(memory, has_held, plan.substeps);
+            if !has_held {
+                std::mem::swap(&mut particles.position, &mut before[0]);
+                std::mem::swap(&mut particles.velocity, &mut before[1]);
+                return false;
+            }
+        }
         for _ in 0..plan.substeps {
             state.releases.iter_mut().for_each(|release| release.time_left -= duration);
         }
@@ -46,7 +92,7 @@ impl Caches {
             && schemes::may_advance_in_place(plan.integrator, &self.blocks)
             && self.air.load().is_none()
             && !(elements.any_ramps() || elements.gases().any_act())
-            && !(self.contacts.is_active() || self.strain_limits.any() || self.failures.any())
+            && !(self.surfaces.are_active() || self.strain_limits.any() || self.failures.any())
     }
 }
 

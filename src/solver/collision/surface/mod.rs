@@ -118,6 +118,11 @@ impl Surfaces {
         }
     }
 
+    /// Whether any may touch in this tick.
+    pub fn are_active(&self) -> bool {
+        self.is_active
+    }
+
     /// Whether the particle in each slot is no sphere of its own; empty if all are.
     pub fn covered(&self) -> &[bool] {
         if self.is_active { &self.primitives.covered } else { &[] }

@@ -1,0 +1,240 @@
+//! Ticks in which nothing touches as long as all chains are free: then substeps need no contacts, only a look at the chains
+//! (`step/in_place.rs`).
+//!
+//! A free chain touches nothing while it is in what is reserved for it and keeps within its play (`chains.rs`). Both are convex: what holds
+//! at the start and at the end of a substep holds in between, too. So nothing passes through another unseen. Where a chain is found outside
+//! in a substep, the tick is taken again with contacts; a search before the tick, where velocities lead out, makes that rare.
+
+use bevy::math::Vec3;
+
+use super::broad_phase::{BroadPhase, mean};
+use super::chains::{Chain, Coordinates, Proof};
+use super::shapes::Bounds;
+use super::{Collider, ContactCaches, ContactMemory, Substep};
+use crate::solver::graph::Exclusions;
+use crate::solver::particles::{Particles, Vectors};
+
+/// Number of ticks, at most, that are not tried after one that could not be taken as a whole.
+const MAX_PAUSE: u32 = 16;
+
+/// What is to be looked at after each substep.
+pub(in crate::solver) struct Watch<'a> {
+    chains: &'a [Chain],
+    origins: &'a Vectors,
+    drift: Drift,
+    /// s.
+    substep: f32,
+}
+
+/// What all have moved by since the search when the tick begins, m, and go on with, m/s.
+#[derive(Clone, Copy)]
+struct Drift {
+    way: Vec3,
+    velocity: Vec3,
+}
+
+impl Drift {
+    fn after(self, duration: f32) -> Vec3 {
+        self.way + self.velocity * duration
+    }
+}
+
+impl Watch<'_> {
+    /// Whether those of the free chains that are among these particles touch nothing when a number of `substeps` of the tick is done.
+    pub fn holds(&self, particles: Coordinates, substeps: u32) -> bool {
+        let (first, [x, _, _]) = particles;
+        let from = self.chains.partition_point(|chain| chain.slots().start < first);
+        let chains = &self.chains[from..];
+        let to = chains.partition_point(|chain| chain.slots().start < first + x.len());
+        let common = self.drift.after(substeps as f32 * self.substep);
+        let free = AreFree { chains: &chains[..to], origins: self.origins, particles, common };
+        pulp::Arch::new().dispatch(free)
+    }
+}
+
+/// Whether chains are free.
+struct AreFree<'a> {
+    chains: &'a [Chain],
+    origins: &'a Vectors,
+    particles: Coordinates<'a>,
+    common: Vec3,
+}
+
+impl pulp::WithSimd for AreFree<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
+        let Self { chains, origins, particles, common } = self;
+        chains.iter().all(|chain| chain.is_free(particles, origins, common))
+    }
+}
+
+/// Whether chains will be free at the end of a tick; the play of those that will have used it up is found anew.
+struct WillBeFree<'a> {
+    chains: &'a mut [Chain],
+    origins: &'a mut Vectors,
+    particles: &'a Particles,
+    /// Where velocities lead to, m.
+    ahead: &'a Vectors,
+    exclusions: &'a Exclusions,
+    common: Vec3,
+    /// s.
+    time_step: f32,
+}
+
+impl pulp::WithSimd for WillBeFree<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
+        let Self { chains, origins, particles, ahead, exclusions, common, time_step } = self;
+        chains.iter_mut().all(|chain| {
+            let [outside, bent] = chain.proofs(ahead, origins, common);
+            if outside == Proof::Holds && bent != Proof::Holds {
+                chain.note_origins(&particles.position, origins);
+                return chain.renew_play(particles, exclusions, time_step);
+            }
+            outside == Proof::Holds
+        })
+    }
+}
+
+impl BroadPhase {
+    fn drift(&self, particles: &Particles) -> Drift {
+        let velocity = mean(particles.len(), |slot| particles.velocity.get(slot));
+        Drift { way: self.common_way(particles), velocity }
+    }
+
+    /// Whether all chains are likely to be free until a tick of `time_step` seconds has passed.
+    fn will_be_free(
+        &mut self,
+        particles: &Particles,
+        ahead: &Vectors,
+        exclusions: &Exclusions,
+        time_step: f32,
+    ) -> bool {
+        let common = self.drift(particles).after(time_step);
+        let Self { chains, chain_origins: origins, .. } = self;
+        pulp::Arch::new().dispatch(WillBeFree {
+            chains,
+            origins,
+            particles,
+            ahead,
+            exclusions,
+            common,
+            time_step,
+        })
+    }
+
+    /// Does not try the next ticks as a whole: twice as many as after the last one that failed.
+    fn pause_ticks(&mut self) {
+        let [left, whole] = &mut self.tick_pause;
+        *whole = (2 * *whole).clamp(1, MAX_PAUSE);
+        *left = *whole;
+    }
+}
+
+impl ContactCaches {
+    /// What is to be watched in a tick in which nothing else can touch; `None` where contacts are to be looked for in each substep.
+    pub fn watch<'a>(
+        &mut self,
+        memory: &'a mut ContactMemory,
+        particles: &Particles,
+        substep: Substep,
+    ) -> Option<Watch<'a>> {
+        let Substep { settings, colliders, duration, .. } = substep;
+        let count = particles.len();
+        if settings.pair_rules.is_none() || !self.is_implicit.is_empty() || !memory.nothing_has_a_skin(count)
+        {
+            return None;
+        }
+        let last = memory.broad_phase.as_mut()?;
+        if last.tick_pause[0] > 0 {
+            last.tick_pause[0] -= 1;
+            return None;
+        }
+        self.look_ahead(particles, settings.time_step);
+        if !self.will_be_free(memory, particles, substep) {
+            let Self { candidates, pair_contacts, .. } = self;
+            candidates.renew(memory, pair_contacts, particles, &particles.position, substep);
+            if !memory.nothing_has_a_skin(count) || !self.will_be_free(memory, particles, substep) {
+                memory.broad_phase.as_mut()?.pause_ticks();
+                return None;
+            }
+        }
+        let last = memory.broad_phase.as_mut()?;
+        let drift = last.drift(particles);
+        let way = [drift.way, drift.after(settings.time_step)];
+        if self.is_near_colliders(last, particles, colliders, way) {
+            last.pause_ticks();
+            return None;
+        }
+        let last = memory.broad_phase.as_ref()?;
+        self.rest();
+        self.candidates.proof = Proof::Holds;
+        Some(Watch { chains: &last.chains, origins: &last.chain_origins, drift, substep: duration })
+    }
+
+    /// To be called after a tick that was watched: whether what was watched held in all its `substeps`.
+    pub fn end_watch(&mut self, memory: &mut ContactMemory, has_held: bool, substeps: u32) {
+        let Some(last) = &mut memory.broad_phase else { return };
+        if has_held {
+            last.tick_pause = [0; 2];
+            memory.age = memory.age.saturating_add(substeps);
+        } else {
+            last.pause_ticks();
+        }
+    }
+
+    /// Finds where velocities lead to in a tick.
+    fn look_ahead(&mut self, particles: &Particles, time_step: f32) {
+        // No substep has begun: this is not in use.
+        self.has_previous = false;
+        self.previous.copy_from(&particles.position);
+        for (ahead, velocity) in self.previous.axes_mut().into_iter().zip(particles.velocity.axes()) {
+            ahead.iter_mut().zip(velocity).for_each(|(ahead, velocity)| *ahead += time_step * velocity);
+        }
+    }
+
+    fn will_be_free(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) -> bool {
+        let Self { candidates, previous: ahead, .. } = self;
+        candidates.refresh_exclusions(memory, particles, substep.elements);
+        let last = memory.broad_phase.as_mut();
+        let time_step = substep.settings.time_step;
+        last.is_some_and(|last| last.will_be_free(particles, ahead, &candidates.exclusions, time_step))
+    }
+
+    /// Whether anything of the chains may touch a collider in a tick in which all move `way`, or anything else may.
+    fn is_near_colliders(
+        &self,
+        last: &BroadPhase,
+        particles: &Particles,
+        colliders: &[Collider],
+        way: [Vec3; 2],
+    ) -> bool {
+        if self.placed.is_empty() && self.placed.planes.is_empty() {
+            return false;
+        }
+        let planes = || self.placed.planes.iter().map(|number| &colliders[*number as usize]);
+        // What is in no chain has no radius; it may touch a collider all the same.
+        let in_chains: usize = last.chains.iter().map(|chain| chain.slots().len()).sum();
+        if in_chains < particles.len() || planes().any(Collider::moves) {
+            return true;
+        }
+        last.chains.iter().any(|chain| {
+            let radius = particles.radius()[chain.slots()].iter().copied().fold(0.0, f32::max);
+            let [least, most] = chain.reserved();
+            let [low, high] = [way[0].min(way[1]) + least - radius, way[0].max(way[1]) + most + radius];
+            let is_below = |plane: &Collider| {
+                let normal = plane.start.rotation * Vec3::Y;
+                let lowest = Vec3::select(normal.cmpgt(Vec3::ZERO), low, high);
+                // Not above, so that NaN is not far.
+                !((lowest - plane.start.point).dot(normal) > 0.0)
+            };
+            let mut is_near = planes().any(is_below);
+            self.placed.for_each_near(&Bounds { low, high }, |_| is_near = true);
+            is_near
+        })
+    }
+}
