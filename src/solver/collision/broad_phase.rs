@@ -40,8 +40,8 @@ pub(super) struct BroadPhase {
     pub skins: Vec<f32>,
     /// The free chains.
     pub chains: Vec<Chain>,
-    /// The positions of their particles when their play was found, m; empty without springs.
-    pub chain_origins: Vectors,
+    /// From the particle before to each of theirs when their play was found, m; empty without springs.
+    pub chain_links: Vectors,
     /// Against gravity then; zero where there was none.
     pub up: Vec3,
     /// Whether any particle has a skin.
@@ -59,7 +59,7 @@ impl BroadPhase {
     pub fn fits(&self, count: usize) -> bool {
         let are_all = |vectors: &Vectors| vectors.axes().iter().all(|axis| axis.len() == count);
         let chains_fit = || {
-            are_all(&self.chain_origins)
+            are_all(&self.chain_links)
                 && self.chains.iter().all(|chain| !chain.slots().is_empty() && chain.slots().end <= count)
         };
         self.skins.len() == count && are_all(&self.origins) && (self.chains.is_empty() || chains_fit())
@@ -113,12 +113,12 @@ impl BroadPhase {
         exclusions: &Exclusions,
         durations: Durations,
     ) {
-        let Self { skins, chains, chain_origins, pause: [left, whole], .. } = self;
+        let Self { skins, chains, chain_links, pause: [left, whole], .. } = self;
         if *left > 0 {
             *left -= 1;
             chains.clear();
         } else {
-            search.find(particles, exclusions, skins, durations, (chains, chain_origins));
+            search.find(particles, exclusions, skins, durations, (chains, chain_links));
             *whole = if chains.is_empty() { (2 * *whole).clamp(1, MAX_PAUSE) } else { 0 };
             *left = *whole;
         }
@@ -148,10 +148,10 @@ impl BroadPhase {
             return worst;
         }
         let common = self.common_way(particles);
-        let Self { chains, chain_origins: origins, .. } = self;
+        let Self { chains, chain_links: links, .. } = self;
         pulp::Arch::new().dispatch(CheckChains {
             chains,
-            origins,
+            links,
             particles,
             exclusions,
             common,
@@ -181,7 +181,7 @@ impl BroadPhase {
 /// Checks the proofs of all free chains.
 struct CheckChains<'a> {
     chains: &'a mut [Chain],
-    origins: &'a mut Vectors,
+    links: &'a mut Vectors,
     particles: &'a Particles,
     exclusions: &'a Exclusions,
     /// What all have moved by, m.
@@ -196,11 +196,11 @@ impl pulp::WithSimd for CheckChains<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { chains, origins, particles, exclusions, common, substep, worst } = self;
+        let Self { chains, links, particles, exclusions, common, substep, worst } = self;
         for chain in chains {
-            let [outside, mut bent] = chain.proofs(&particles.position, origins, common);
+            let [outside, mut bent] = chain.proofs(&particles.position, links, common);
             if bent == Proof::Expires && chain.renew_play(particles, exclusions, substep) {
-                chain.note_origins(&particles.position, origins);
+                chain.note_links(&particles.position, links);
                 bent = Proof::Holds;
             }
             *worst = (*worst).max(outside).max(bent);

@@ -89,20 +89,18 @@ impl Chain {
     }
 
     /// Whether so little of its play is used that it may keep it.
-    pub fn has_play_left(&self, positions: &Vectors, origins: &Vectors) -> bool {
-        let [_, is_within] = self.keeps_within(
-            (0, positions.axes()),
-            origins,
-            (Vec3::ZERO, Vec3::ZERO),
-            KEPT_PLAY * self.play,
-        );
+    pub fn has_play_left(&self, positions: &Vectors, links: &Vectors) -> bool {
+        let [_, is_within] =
+            self.keeps_within((0, positions.axes()), links, (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
         is_within
     }
 
-    /// Makes the positions of its particles those from which its play counts.
-    pub fn note_origins(&self, positions: &Vectors, origins: &mut Vectors) {
-        for (origins, here) in origins.axes_mut().into_iter().zip(positions.axes()) {
-            origins[self.slots()].copy_from_slice(&here[self.slots()]);
+    /// Makes the present links those from which its play counts.
+    pub fn note_links(&self, positions: &Vectors, links: &mut Vectors) {
+        for (links, here) in links.axes_mut().into_iter().zip(positions.axes()) {
+            let (links, here) = (&mut links[self.slots()], &here[self.slots()]);
+            links[0] = 0.0;
+            links[1..].iter_mut().zip(here.windows(2)).for_each(|(link, ends)| *link = ends[1] - ends[0]);
         }
     }
 
@@ -112,7 +110,7 @@ impl Chain {
     fn keeps_within(
         &self,
         (first, [x, y, z]): Coordinates,
-        origins: &Vectors,
+        links: &Vectors,
         (common, margin): (Vec3, Vec3),
         play: f32,
     ) -> [bool; 2] {
@@ -120,41 +118,31 @@ impl Chain {
         let (slots, count) = (self.slots(), self.slots().len());
         let here = slots.start - first;
         let positions = [x, y, z].map(|axis| &axis[here..here + count]);
-        let origins = origins.axes().map(|axis| &axis[slots.clone()]);
-        let start = positions.map(|axis| axis[0]);
-        let is_start_inside =
-            (0..3).all(|axis| start[axis] >= bounds[0][axis] && start[axis] <= bounds[1][axis]);
+        let links = links.axes().map(|axis| &axis[slots.clone()]);
         let limit = play * play;
-        let (mut inside, mut within) = (is_start_inside, true);
-        if count > LANES {
-            let (mut all_inside, mut all_within) = ([1; LANES], [1; LANES]);
-            // The last ones overlap those before.
-            for place in (1..count - LANES).step_by(LANES).chain([count - LANES]) {
-                let [new_inside, new_within] = keep::<LANES>(place, [positions, origins], bounds, limit);
-                for lane in 0..LANES {
-                    all_inside[lane] &= new_inside[lane];
-                    all_within[lane] &= new_within[lane];
-                }
-            }
-            (inside, within) = (inside && all_inside == [1; LANES], all_within == [1; LANES]);
-        } else {
-            for place in 1..count {
-                let [new_inside, new_within] = keep::<1>(place, [positions, origins], bounds, limit);
-                (inside, within) = (inside && new_inside == [1], within && new_within == [1]);
-            }
+        let mut single = Extent::<1>::default();
+        single.add_room(positions.map(|axis| [axis[0]]), bounds);
+        if count <= LANES {
+            (1..count).for_each(|place| single.add([positions, links], place, bounds));
+            return [single.is_inside(), single.is_within(limit)];
         }
-        [inside, within]
+        let mut lanes = Extent::<LANES>::default();
+        // The last ones overlap those before.
+        for place in (1..count - LANES).step_by(LANES).chain([count - LANES]) {
+            lanes.add([positions, links], place, bounds);
+        }
+        [single.is_inside() & lanes.is_inside(), lanes.is_within(limit)]
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
     #[inline(always)]
-    pub fn proofs(&self, positions: &Vectors, origins: &Vectors, common: Vec3) -> [Proof; 2] {
+    pub fn proofs(&self, positions: &Vectors, links: &Vectors, common: Vec3) -> [Proof; 2] {
         let positions = (0, positions.axes());
-        let hold = self.keeps_within(positions, origins, (common, Vec3::ZERO), USED_PLAY * self.play);
+        let hold = self.keeps_within(positions, links, (common, Vec3::ZERO), USED_PLAY * self.play);
         if hold == [true; 2] {
             return [Proof::Holds; 2];
         }
-        let may_go_on = self.keeps_within(positions, origins, (common, self.margin), self.play);
+        let may_go_on = self.keeps_within(positions, links, (common, self.margin), self.play);
         [0, 1].map(|place| match (hold[place], may_go_on[place]) {
             (true, _) => Proof::Holds,
             (false, true) => Proof::Expires,
@@ -164,8 +152,8 @@ impl Chain {
 
     /// Whether it touches nothing, as all of it is in what is reserved for it and none of its play is exceeded.
     #[inline(always)]
-    pub fn is_free(&self, positions: Coordinates, origins: &Vectors, common: Vec3) -> bool {
-        self.keeps_within(positions, origins, (common, self.margin), self.play) == [true; 2]
+    pub fn is_free(&self, positions: Coordinates, links: &Vectors, common: Vec3) -> bool {
+        self.keeps_within(positions, links, (common, self.margin), self.play) == [true; 2]
     }
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
@@ -198,36 +186,79 @@ impl Chain {
         let (duration, speed) = (ticks * time_step, speed_squared.sqrt());
         let along = least[1].abs().max(most[1].abs());
         let across = CHANGE_ACROSS * speed;
-        let change = CHANGE_ALONG * along + across + 0.5 * gravity * duration;
+        // What swings from rest is accelerated sideways by g sin θ cos θ, at most half of g.
+        let acceleration = 0.5 * (gravity.length() + gravity.abs());
+        let change = CHANGE_ALONG * along + across + 0.5 * acceleration * duration;
         self.least = least[0] + (least[1].min(Vec3::ZERO) - change) * duration;
         self.most = most[0] + (most[1].max(Vec3::ZERO) + change) * duration;
-        self.margin = 2.0 * (along + across + gravity * substep) * substep;
+        self.margin = 2.0 * (along + across + gravity.length() * substep) * substep;
     }
 }
 
-/// Of `COUNT` consecutive particles from a `place` in a chain: 1 for those that are within `bounds`, and for those of which the motion
-/// relative to the one before has a square of at most `limit` m²; else, and for NaN, 0. (Numbers as wide as coordinates: the compiler makes
-/// vectors of them.)
-#[inline(always)]
-fn keep<const COUNT: usize>(
-    place: usize,
-    [positions, origins]: [[&[f32]; 3]; 2],
-    [least, most]: [Vec3; 2],
-    limit: f32,
-) -> [[u32; COUNT]; 2] {
-    let lanes =
-        |axis: &[f32], place: usize| *axis[place..].first_chunk::<COUNT>().expect("the chain has as many");
-    let (mut inside, mut change_squared) = ([1; COUNT], [0.0; COUNT]);
-    for axis in 0..3 {
-        let [here, before] = [place, place - 1].map(|place| lanes(positions[axis], place));
-        let [from, from_before] = [place, place - 1].map(|place| lanes(origins[axis], place));
+/// How much of what they may use particles of a chain have used, in lanes.
+struct Extent<const COUNT: usize> {
+    /// The least distance to a side of the box, m: negative outside.
+    room: [f32; COUNT],
+    /// The greatest square of the change of a link, m².
+    change: [f32; COUNT],
+    /// The sum of these squares: unlike what is the least or the greatest, NaN if any of them is.
+    sum: [f32; COUNT],
+}
+
+impl<const COUNT: usize> Default for Extent<COUNT> {
+    fn default() -> Self {
+        Self { room: [f32::INFINITY; COUNT], change: [0.0; COUNT], sum: [0.0; COUNT] }
+    }
+}
+
+impl<const COUNT: usize> Extent<COUNT> {
+    /// Adds the particles from a `place` in the chain, and the links that end in them.
+    #[inline(always)]
+    fn add(&mut self, [positions, links]: [[&[f32]; 3]; 2], place: usize, bounds: [Vec3; 2]) {
+        let lanes = |axis: &[f32], place: usize| {
+            *axis[place..].first_chunk::<COUNT>().expect("the chain has as many")
+        };
+        let here = positions.map(|axis| lanes(axis, place));
+        self.add_room(here, bounds);
+        let mut change_squared = [0.0; COUNT];
+        for axis in 0..3 {
+            let (before, link) = (lanes(positions[axis], place - 1), lanes(links[axis], place));
+            for lane in 0..COUNT {
+                let change = (here[axis][lane] - before[lane]) - link[lane];
+                change_squared[lane] += change * change;
+            }
+        }
         for lane in 0..COUNT {
-            inside[lane] &= u32::from(here[lane] >= least[axis]) & u32::from(here[lane] <= most[axis]);
-            let change = (here[lane] - before[lane]) - (from[lane] - from_before[lane]);
-            change_squared[lane] += change * change;
+            let change = change_squared[lane];
+            self.sum[lane] += change;
+            self.change[lane] = if change > self.change[lane] { change } else { self.change[lane] };
         }
     }
-    [inside, change_squared.map(|change: f32| u32::from(change <= limit))]
+
+    #[inline(always)]
+    fn add_room(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
+        for axis in 0..3 {
+            for lane in 0..COUNT {
+                let [below, above] =
+                    [positions[axis][lane] - least[axis], most[axis] - positions[axis][lane]];
+                let room = if below < above { below } else { above };
+                self.room[lane] = if room < self.room[lane] { room } else { self.room[lane] };
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn is_inside(&self) -> bool {
+        self.room.iter().fold(true, |inside, room| inside & (*room >= 0.0))
+    }
+
+    /// Whether no square of a change is more than this, or NaN.
+    #[inline(always)]
+    fn is_within(&self, limit: f32) -> bool {
+        let is_more = |change: &f32| *change > limit;
+        !self.change.iter().fold(false, |any, change| any | is_more(change))
+            && !self.sum.iter().fold(false, |any, sum| any | sum.is_nan())
+    }
 }
 
 /// Finds the least (‖xᵢ − xⱼ‖ − rᵢ − rⱼ) / |i − j| of the pairs of these slots that may collide, m.
@@ -298,7 +329,7 @@ impl pulp::WithSimd for Play<'_> {
 pub(super) struct Durations {
     pub time_step: f32,
     pub substep: f32,
-    pub gravity: f32,
+    pub gravity: Vec3,
 }
 
 #[cfg(test)]
@@ -327,13 +358,15 @@ pub(super) mod tests {
         for count in MIN_LENGTH..3 * LANES {
             let straight: Vec<_> = (0..count).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
             let (particles, _) = rope(&straight);
-            let origins = particles.position.clone();
+            let (origins, mut links) = (particles.position.clone(), Vectors::default());
+            links.resize(count);
             let mut chain = Chain::new(0..count);
+            chain.note_links(&origins, &mut links);
             (chain.least, chain.most) = (Vec3::splat(-0.5), Vec3::splat(0.1 * count as f32));
             let check = |place: usize, way: Vec3| {
                 let mut moved = origins.clone();
                 moved.set(place, origins.get(place) + way);
-                chain.keeps_within((0, moved.axes()), &origins, (Vec3::ZERO, Vec3::ZERO), 0.02)
+                chain.keeps_within((0, moved.axes()), &links, (Vec3::ZERO, Vec3::ZERO), 0.02)
             };
             for place in 0..count {
                 for axis in Vec3::AXES {
@@ -341,7 +374,7 @@ pub(super) mod tests {
                     assert_eq!(check(place, 0.021 * axis), [true, false], "{place} of {count}");
                     assert_eq!(check(place, 10.0 * axis), [false, false], "{place} of {count}");
                     assert_eq!(check(place, -10.0 * axis), [false, false], "{place} of {count}");
-                    assert_eq!(check(place, f32::NAN * axis), [false, false], "{place} of {count}");
+                    assert!(!check(place, f32::NAN * axis)[1], "{place} of {count}");
                 }
             }
         }

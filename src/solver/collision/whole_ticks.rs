@@ -20,7 +20,7 @@ const MAX_PAUSE: u32 = 16;
 /// What is to be looked at after each substep.
 pub(in crate::solver) struct Watch<'a> {
     chains: &'a [Chain],
-    origins: &'a Vectors,
+    links: &'a Vectors,
     drift: Drift,
     /// s.
     substep: f32,
@@ -47,7 +47,7 @@ impl Watch<'_> {
         let chains = &self.chains[from..];
         let to = chains.partition_point(|chain| chain.slots().start < first + x.len());
         let common = self.drift.after(substeps as f32 * self.substep);
-        let free = AreFree { chains: &chains[..to], origins: self.origins, particles, common };
+        let free = AreFree { chains: &chains[..to], links: self.links, particles, common };
         pulp::Arch::new().dispatch(free)
     }
 }
@@ -55,7 +55,7 @@ impl Watch<'_> {
 /// Whether chains are free.
 struct AreFree<'a> {
     chains: &'a [Chain],
-    origins: &'a Vectors,
+    links: &'a Vectors,
     particles: Coordinates<'a>,
     common: Vec3,
 }
@@ -65,15 +65,15 @@ impl pulp::WithSimd for AreFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
-        let Self { chains, origins, particles, common } = self;
-        chains.iter().all(|chain| chain.is_free(particles, origins, common))
+        let Self { chains, links, particles, common } = self;
+        chains.iter().all(|chain| chain.is_free(particles, links, common))
     }
 }
 
 /// Whether chains will be free at the end of a tick; the play of those that will have used it up is found anew.
 struct WillBeFree<'a> {
     chains: &'a mut [Chain],
-    origins: &'a mut Vectors,
+    links: &'a mut Vectors,
     particles: &'a Particles,
     /// Where velocities lead to, m.
     ahead: &'a Vectors,
@@ -88,11 +88,11 @@ impl pulp::WithSimd for WillBeFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
-        let Self { chains, origins, particles, ahead, exclusions, common, time_step } = self;
+        let Self { chains, links, particles, ahead, exclusions, common, time_step } = self;
         chains.iter_mut().all(|chain| {
-            let [outside, bent] = chain.proofs(ahead, origins, common);
+            let [outside, bent] = chain.proofs(ahead, links, common);
             if outside == Proof::Holds && bent != Proof::Holds {
-                chain.note_origins(&particles.position, origins);
+                chain.note_links(&particles.position, links);
                 return chain.renew_play(particles, exclusions, time_step);
             }
             outside == Proof::Holds
@@ -115,10 +115,10 @@ impl BroadPhase {
         time_step: f32,
     ) -> bool {
         let common = self.drift(particles).after(time_step);
-        let Self { chains, chain_origins: origins, .. } = self;
+        let Self { chains, chain_links: links, .. } = self;
         pulp::Arch::new().dispatch(WillBeFree {
             chains,
-            origins,
+            links,
             particles,
             ahead,
             exclusions,
@@ -173,7 +173,7 @@ impl ContactCaches {
         let last = memory.broad_phase.as_ref()?;
         self.rest();
         self.candidates.proof = Proof::Holds;
-        Some(Watch { chains: &last.chains, origins: &last.chain_origins, drift, substep: duration })
+        Some(Watch { chains: &last.chains, links: &last.chain_links, drift, substep: duration })
     }
 
     /// To be called after a tick that was watched: whether what was watched held in all its `substeps`.
@@ -236,5 +236,13 @@ impl ContactCaches {
             self.placed.for_each_near(&Bounds { low, high }, |_| is_near = true);
             is_near
         })
+    }
+}
+
+#[cfg(test)]
+impl ContactMemory {
+    /// Number of ticks that are not tried as a whole from now on; `None` if none may be.
+    pub(in crate::solver) fn ticks_to_pause(&self) -> Option<u32> {
+        self.broad_phase.as_ref().filter(|last| !last.any_skins).map(|last| last.tick_pause[0])
     }
 }

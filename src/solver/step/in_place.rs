@@ -237,6 +237,65 @@ mod tests {
         }
     }
 
+    /// Ropes that hang side by side from their first particles, as spheres that touch nothing; with `lone`, one more sphere falls far away:
+    /// then contacts are looked for in each substep.
+    fn ropes_of_spheres(lone: bool) -> State {
+        let mut state = State::default();
+        let State { particles, elements, .. } = &mut state;
+        for slot in 0..6 * 20_u32 {
+            let (rope, number) = (slot / 20, slot % 20);
+            let position = Vec3::new(0.07 * number as f32, -0.07 * number as f32, 0.5 * rope as f32);
+            particles.push(position, Vec3::ZERO, if number == 0 { 0.0 } else { 10.0 }, 0.02);
+            if number > 0 {
+                let spring = Spring { rest_length: 0.1, stiffness: 1e3, damping: 0.1, ..Spring::default() };
+                elements.push([slot - 1, slot], spring);
+            }
+        }
+        if lone {
+            particles.push(Vec3::X * 1e3, Vec3::ZERO, 10.0, 0.02);
+        }
+        state
+    }
+
+    /// Also where a sudden force leads a rope out of what is reserved for it: that tick is put back, and taken with contacts.
+    #[test]
+    fn ticks_of_free_ropes_are_taken_at_once_and_to_the_bit_as_with_contacts() {
+        let far = Collider::half_space(Vec3::NEG_Y * 50.0, Vec3::Y, 0.5, 0.5);
+        let settings = StepSettings {
+            integrator: Integrator::SemiImplicitEuler,
+            substeps: SubstepMode::Fixed(8),
+            gravity: Vec3::NEG_Y * 9.81,
+            pair_rules: Some(Default::default()),
+            ..StepSettings::default()
+        };
+        let history = |lone: bool| {
+            let (mut state, mut caches, mut outputs) =
+                (ropes_of_spheres(lone), Caches::default(), Outputs::default());
+            let (mut positions, mut pauses) = (Vec::new(), Vec::new());
+            for tick in 0..80 {
+                let force = if (40..42).contains(&tick) { Vec3::new(-300.0, 100.0, 0.0) } else { Vec3::ZERO };
+                state.particles.applied_force.set(30, force);
+                let inputs = Inputs { colliders: vec![far.clone()], ..Inputs::default() };
+                step(&mut state, &inputs, &mut caches, &mut outputs, &settings);
+                assert_eq!(outputs.contact_count, 0, "tick {tick}");
+                positions.push((0..120).map(|slot| state.particles.position.get(slot)).collect::<Vec<_>>());
+                pauses.push(state.contacts.ticks_to_pause());
+            }
+            (positions, pauses)
+        };
+        let (expected, pauses) = history(true);
+        assert_eq!(pauses, [None; 80], "with a lone sphere no tick is taken at once");
+        let (found, pauses) = history(false);
+        let taken = pauses.iter().filter(|pause| **pause == Some(0)).count();
+        assert!(taken > 60, "{taken} of 80");
+        assert!(pauses[..40].iter().skip(1).all(|pause| *pause == Some(0)), "{pauses:?}");
+        assert!(pauses[40..42].iter().any(|pause| *pause > Some(0)), "{pauses:?}");
+        for (tick, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert_eq!(found, expected, "tick {tick}");
+        }
+        assert!(found[41][30].distance(found[39][30]) > 0.1);
+    }
+
     #[test]
     fn two_motions_of_one_particle_are_left_to_the_ordinary_way() {
         let motion = |slot, x| PinnedMotion { slot, start: Vec3::ZERO, target: Vec3::X * x };
