@@ -152,7 +152,8 @@ impl Candidates {
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
         broad_phase.choose_skins(particles, &self.exclusions, (*wide, *crowded), time_step);
-        let durations = Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity };
+        let durations =
+            Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity.length() };
         broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, durations);
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {

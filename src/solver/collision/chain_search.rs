@@ -14,7 +14,7 @@ use crate::solver::particles::{Particles, Vectors};
 
 /// Number of ticks for which boxes are to be large enough: the first ones, and those of chains that are not free with
 /// them.
-const BOX_TICKS: [f32; 3] = [8.0, 4.0, 1.0];
+const BOX_TICKS: [f32; 2] = [4.0, 1.0];
 
 /// Number of pairs of boxes that are tested for each box, at most. Where more overlap along an axis, none are free.
 const MAX_TESTS: usize = 64;
@@ -229,7 +229,7 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let mut links = Vectors::default();
         let (mut search, mut free, skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: Vec3::NEG_Y * 10.0 };
+        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
         search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut links));
         assert_eq!((free.len(), free[0].slots()), (1, 0..20));
         let proofs = |particles: &Particles| free[0].proofs(&particles.position, &links, Vec3::ZERO);
@@ -252,7 +252,7 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let (mut search, skins) = (ChainSearch::default(), vec![0.004; 20]);
         let (mut free, mut links) = (Vec::new(), Vectors::default());
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: Vec3::NEG_Y * 10.0 };
+        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
         search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut links));
         let first = links.clone();
         // Each link turns by 0.1 m · 2 sin(angle / 2), of a play of 0.06 m.
@@ -283,7 +283,7 @@ mod tests {
             }
             exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
-            let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: Vec3::NEG_Y * 10.0 };
+            let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
             let found = (&mut free, &mut Vectors::default());
             ChainSearch::default().find(&particles, &exclusions, &skins, durations, found);
             assert_eq!(free.len() == 1, is_free, "{height}");

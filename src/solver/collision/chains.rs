@@ -14,6 +14,7 @@ use std::ops::Range;
 
 use bevy::math::Vec3;
 
+use super::extents::{Coordinates, Extents};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -38,11 +39,8 @@ const KEPT_PLAY: f32 = 0.4;
 /// Number of substeps for which the play of a free chain is to last at the present velocities.
 const PLAY_SUBSTEPS: f32 = 2.0;
 
-/// Pairs of particles are tested together: a vector of AVX2.
-const LANES: usize = 8;
-
-/// Coordinates of consecutive particles, m, and the slot of the first.
-pub(super) type Coordinates<'a> = (usize, [&'a [f32]; 3]);
+/// Particles are tested together: a vector of AVX2.
+pub(super) const LANES: usize = 8;
 
 /// A free chain.
 #[derive(Debug, Clone, Copy, Default)]
@@ -52,12 +50,12 @@ pub(super) struct Chain {
     start: u32,
     end: u32,
     /// The corners of the box of the centres, m: that in which it need not be looked at again.
-    least: Vec3,
-    most: Vec3,
+    pub least: Vec3,
+    pub most: Vec3,
     /// What the box is larger on each side that nothing else reaches into, m.
-    margin: Vec3,
+    pub margin: Vec3,
     /// m.
-    play: f32,
+    pub play: f32,
 }
 
 /// Whether it is known that a chain touches nothing.
@@ -109,29 +107,14 @@ impl Chain {
     #[inline(always)]
     fn keeps_within(
         &self,
-        (first, [x, y, z]): Coordinates,
+        positions: Coordinates,
         links: &Vectors,
         (common, margin): (Vec3, Vec3),
         play: f32,
     ) -> [bool; 2] {
-        let bounds = [self.least + common - margin, self.most + common + margin];
-        let (slots, count) = (self.slots(), self.slots().len());
-        let here = slots.start - first;
-        let positions = [x, y, z].map(|axis| &axis[here..here + count]);
-        let links = links.axes().map(|axis| &axis[slots.clone()]);
-        let limit = play * play;
-        let mut single = Extent::<1>::default();
-        single.add_room(positions.map(|axis| [axis[0]]), bounds);
-        if count <= LANES {
-            (1..count).for_each(|place| single.add([positions, links], place, bounds));
-            return [single.is_inside(), single.is_within(limit)];
-        }
-        let mut lanes = Extent::<LANES>::default();
-        // The last ones overlap those before.
-        for place in (1..count - LANES).step_by(LANES).chain([count - LANES]) {
-            lanes.add([positions, links], place, bounds);
-        }
-        [single.is_inside() & lanes.is_inside(), lanes.is_within(limit)]
+        let mut extents = Extents::default();
+        extents.add(self, positions, links, (common, margin), play);
+        [extents.are_inside(), extents.are_within_play()]
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
@@ -148,12 +131,6 @@ impl Chain {
             (false, true) => Proof::Expires,
             (false, false) => Proof::Fails,
         })
-    }
-
-    /// Whether it touches nothing, as all of it is in what is reserved for it and none of its play is exceeded.
-    #[inline(always)]
-    pub fn is_free(&self, positions: Coordinates, links: &Vectors, common: Vec3) -> bool {
-        self.keeps_within(positions, links, (common, self.margin), self.play) == [true; 2]
     }
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
@@ -186,78 +163,10 @@ impl Chain {
         let (duration, speed) = (ticks * time_step, speed_squared.sqrt());
         let along = least[1].abs().max(most[1].abs());
         let across = CHANGE_ACROSS * speed;
-        // What swings from rest is accelerated sideways by g sin θ cos θ, at most half of g.
-        let acceleration = 0.5 * (gravity.length() + gravity.abs());
-        let change = CHANGE_ALONG * along + across + 0.5 * acceleration * duration;
+        let change = CHANGE_ALONG * along + across + 0.5 * gravity * duration;
         self.least = least[0] + (least[1].min(Vec3::ZERO) - change) * duration;
         self.most = most[0] + (most[1].max(Vec3::ZERO) + change) * duration;
-        self.margin = 2.0 * (along + across + gravity.length() * substep) * substep;
-    }
-}
-
-/// How much of what they may use particles of a chain have used, in lanes.
-struct Extent<const COUNT: usize> {
-    /// The least distance to a side of the box, m: negative outside.
-    room: [f32; COUNT],
-    /// The greatest square of the change of a link, m².
-    change: [f32; COUNT],
-    /// The sum of these squares: unlike what is the least or the greatest, NaN if any of them is.
-    sum: [f32; COUNT],
-}
-
-impl<const COUNT: usize> Default for Extent<COUNT> {
-    fn default() -> Self {
-        Self { room: [f32::INFINITY; COUNT], change: [0.0; COUNT], sum: [0.0; COUNT] }
-    }
-}
-
-impl<const COUNT: usize> Extent<COUNT> {
-    /// Adds the particles from a `place` in the chain, and the links that end in them.
-    #[inline(always)]
-    fn add(&mut self, [positions, links]: [[&[f32]; 3]; 2], place: usize, bounds: [Vec3; 2]) {
-        let lanes = |axis: &[f32], place: usize| {
-            *axis[place..].first_chunk::<COUNT>().expect("the chain has as many")
-        };
-        let here = positions.map(|axis| lanes(axis, place));
-        self.add_room(here, bounds);
-        let mut change_squared = [0.0; COUNT];
-        for axis in 0..3 {
-            let (before, link) = (lanes(positions[axis], place - 1), lanes(links[axis], place));
-            for lane in 0..COUNT {
-                let change = (here[axis][lane] - before[lane]) - link[lane];
-                change_squared[lane] += change * change;
-            }
-        }
-        for lane in 0..COUNT {
-            let change = change_squared[lane];
-            self.sum[lane] += change;
-            self.change[lane] = if change > self.change[lane] { change } else { self.change[lane] };
-        }
-    }
-
-    #[inline(always)]
-    fn add_room(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
-        for axis in 0..3 {
-            for lane in 0..COUNT {
-                let [below, above] =
-                    [positions[axis][lane] - least[axis], most[axis] - positions[axis][lane]];
-                let room = if below < above { below } else { above };
-                self.room[lane] = if room < self.room[lane] { room } else { self.room[lane] };
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn is_inside(&self) -> bool {
-        self.room.iter().fold(true, |inside, room| inside & (*room >= 0.0))
-    }
-
-    /// Whether no square of a change is more than this, or NaN.
-    #[inline(always)]
-    fn is_within(&self, limit: f32) -> bool {
-        let is_more = |change: &f32| *change > limit;
-        !self.change.iter().fold(false, |any, change| any | is_more(change))
-            && !self.sum.iter().fold(false, |any, sum| any | sum.is_nan())
+        self.margin = 2.0 * (along + across + gravity * substep) * substep;
     }
 }
 
@@ -329,7 +238,7 @@ impl pulp::WithSimd for Play<'_> {
 pub(super) struct Durations {
     pub time_step: f32,
     pub substep: f32,
-    pub gravity: Vec3,
+    pub gravity: f32,
 }
 
 #[cfg(test)]

@@ -8,7 +8,8 @@
 use bevy::math::Vec3;
 
 use super::broad_phase::{BroadPhase, mean};
-use super::chains::{Chain, Coordinates, Proof};
+use super::chains::{Chain, Proof};
+use super::extents::{Coordinates, are_free};
 use super::shapes::Bounds;
 use super::{Collider, ContactCaches, ContactMemory, Substep};
 use crate::solver::graph::Exclusions;
@@ -66,7 +67,7 @@ impl pulp::WithSimd for AreFree<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
         let Self { chains, links, particles, common } = self;
-        chains.iter().all(|chain| chain.is_free(particles, links, common))
+        are_free(chains, particles, links, common)
     }
 }
 
