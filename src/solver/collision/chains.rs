@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use bevy::math::Vec3;
 
-use super::extents::{Coordinates, Extents};
+use super::extents::{Coordinates, keeps_within};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -89,7 +89,7 @@ impl Chain {
     /// Whether so little of its play is used that it may keep it.
     pub fn has_play_left(&self, positions: &Vectors, links: &Vectors) -> bool {
         let [_, is_within] =
-            self.keeps_within((0, positions.axes()), links, (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
+            keeps_within(self, (0, positions.axes()), links, (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
         is_within
     }
 
@@ -102,35 +102,26 @@ impl Chain {
         }
     }
 
-    /// Whether all centres less `common` are in the box grown by `margin`, and whether the relative motion of neighbours
-    /// is within `play`.
-    #[inline(always)]
-    fn keeps_within(
-        &self,
-        positions: Coordinates,
-        links: &Vectors,
-        (common, margin): (Vec3, Vec3),
-        play: f32,
-    ) -> [bool; 2] {
-        let mut extents = Extents::default();
-        extents.add(self, positions, links, (common, margin), play);
-        [extents.are_inside(), extents.are_within_play()]
-    }
-
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
     #[inline(always)]
     pub fn proofs(&self, positions: &Vectors, links: &Vectors, common: Vec3) -> [Proof; 2] {
         let positions = (0, positions.axes());
-        let hold = self.keeps_within(positions, links, (common, Vec3::ZERO), USED_PLAY * self.play);
+        let hold = keeps_within(self, positions, links, (common, Vec3::ZERO), USED_PLAY * self.play);
         if hold == [true; 2] {
             return [Proof::Holds; 2];
         }
-        let may_go_on = self.keeps_within(positions, links, (common, self.margin), self.play);
+        let may_go_on = keeps_within(self, positions, links, (common, self.margin), self.play);
         [0, 1].map(|place| match (hold[place], may_go_on[place]) {
             (true, _) => Proof::Holds,
             (false, true) => Proof::Expires,
             (false, false) => Proof::Fails,
         })
+    }
+
+    /// Whether it touches nothing, as all of it is in what is reserved for it and none of its play is exceeded.
+    #[inline(always)]
+    pub fn is_free(&self, positions: Coordinates, links: &Vectors, common: Vec3) -> bool {
+        keeps_within(self, positions, links, (common, self.margin), self.play) == [true; 2]
     }
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
@@ -275,7 +266,7 @@ pub(super) mod tests {
             let check = |place: usize, way: Vec3| {
                 let mut moved = origins.clone();
                 moved.set(place, origins.get(place) + way);
-                chain.keeps_within((0, moved.axes()), &links, (Vec3::ZERO, Vec3::ZERO), 0.02)
+                keeps_within(&chain, (0, moved.axes()), &links, (Vec3::ZERO, Vec3::ZERO), 0.02)
             };
             for place in 0..count {
                 for axis in Vec3::AXES {

@@ -9,7 +9,7 @@ use bevy::math::Vec3;
 
 use super::broad_phase::{BroadPhase, mean};
 use super::chains::{Chain, Proof};
-use super::extents::{Coordinates, are_free};
+use super::extents::Coordinates;
 use super::shapes::Bounds;
 use super::{Collider, ContactCaches, ContactMemory, Substep};
 use crate::solver::graph::Exclusions;
@@ -67,7 +67,7 @@ impl pulp::WithSimd for AreFree<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
         let Self { chains, links, particles, common } = self;
-        are_free(chains, particles, links, common)
+        chains.iter().all(|chain| chain.is_free(particles, links, common))
     }
 }
 
