@@ -7,7 +7,7 @@
 use bevy::math::Vec3;
 
 use super::chain_search::ChainSearch;
-use super::chains::{Chain, Durations, Proof};
+use super::chains::{Chain, Outlook, Proof};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -111,14 +111,14 @@ impl BroadPhase {
         search: &mut ChainSearch,
         particles: &Particles,
         exclusions: &Exclusions,
-        durations: Durations,
+        outlook: Outlook,
     ) {
         let Self { skins, chains, chain_links, pause: [left, whole], .. } = self;
         if *left > 0 {
             *left -= 1;
             chains.clear();
         } else {
-            search.find(particles, exclusions, skins, durations, (chains, chain_links));
+            search.find(particles, exclusions, skins, outlook, (chains, chain_links));
             *whole = if chains.is_empty() { (2 * *whole).clamp(1, MAX_PAUSE) } else { 0 };
             *left = *whole;
         }

@@ -8,7 +8,7 @@ use crate::solver::state::Version;
 use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
 use super::chain_search::ChainSearch;
-use super::chains::{Durations, Proof};
+use super::chains::{Outlook, Proof};
 use super::grid::Grid;
 use super::list::List;
 use super::memory::ContactMemory;
@@ -73,25 +73,25 @@ impl Candidates {
             memory.wide = should_be_wide(memory.wide, memory.age);
         }
         if exceeded != Some(false) {
-            return self.renew(memory, contacts, particles, previous, substep);
+            return self.renew(memory, contacts, (particles, previous), substep, false);
         }
         self.derive(memory, contacts, particles);
         self.version = Some(memory.version);
         self.ahead = true;
     }
 
-    /// Makes a new search, and recalls in `contacts` the impulses of the substep before.
+    /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `with_edges` as in [`Outlook`].
     pub fn renew(
         &mut self,
         memory: &mut ContactMemory,
         contacts: &mut PairContacts,
-        particles: &Particles,
-        previous: &Vectors,
+        (particles, previous): (&Particles, &Vectors),
         substep: Substep,
+        with_edges: bool,
     ) {
         self.store(memory, contacts);
         memory.age = 0;
-        self.search_anew(memory, particles, substep);
+        self.search_anew(memory, particles, substep, with_edges);
         self.recall(memory, contacts);
         self.entangle(memory, particles, previous);
         self.version = Some(memory.version);
@@ -146,15 +146,25 @@ impl Candidates {
     }
 
     /// Searches the pairs at the present positions.
-    fn search_anew(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
+    fn search_anew(
+        &mut self,
+        memory: &mut ContactMemory,
+        particles: &Particles,
+        substep: Substep,
+        with_edges: bool,
+    ) {
         let time_step = substep.settings.time_step;
         let ContactMemory { broad_phase, wide, crowded, .. } = memory;
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
         broad_phase.choose_skins(particles, &self.exclusions, (*wide, *crowded), time_step);
-        let durations =
-            Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity.length() };
-        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, durations);
+        let outlook = Outlook {
+            time_step,
+            substep: substep.duration,
+            gravity: substep.settings.gravity.length(),
+            with_edges,
+        };
+        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, outlook);
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
             *crowded = true;

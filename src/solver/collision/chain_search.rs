@@ -8,7 +8,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::broad_phase::mean;
-use super::chains::{Chain, Durations, MAX_LENGTH, MIN_LENGTH};
+use super::chains::{Chain, MAX_LENGTH, MIN_LENGTH, Outlook};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -62,7 +62,7 @@ impl ChainSearch {
         particles: &Particles,
         exclusions: &Exclusions,
         skins: &[f32],
-        durations: Durations,
+        outlook: Outlook,
         (free, links): (&mut Vec<Chain>, &mut Vectors),
     ) {
         if !exclusions.any_sprung() {
@@ -83,7 +83,7 @@ impl ChainSearch {
         self.bounds.reserve(particles.len() + 1);
         self.keys.clear();
         self.keys.reserve(particles.len() + 1);
-        self.list_chains(particles, exclusions, durations.substep, (free, links));
+        self.list_chains(particles, exclusions, outlook, (free, links));
         free.clear();
         if self.chains.is_empty() {
             return;
@@ -91,7 +91,7 @@ impl ChainSearch {
         let common = mean(particles.len(), |slot| particles.velocity.get(slot));
         for ticks in BOX_TICKS {
             for (chain, is_free) in self.chains.iter_mut().filter(|(_, is_free)| !is_free) {
-                chain.make_box(particles, common, ticks, durations);
+                chain.make_box(particles, common, ticks, outlook);
                 *is_free = true;
             }
             self.bound(particles, exclusions, skins);
@@ -105,12 +105,12 @@ impl ChainSearch {
         free.extend(self.chains.iter().filter(|(_, is_free)| *is_free).map(|(chain, _)| *chain));
     }
 
-    /// Lists the chains that do not touch themselves. The `last` ones were free.
+    /// Lists the chains of which no spheres touch each other. The `last` ones were free.
     fn list_chains(
         &mut self,
         particles: &Particles,
         exclusions: &Exclusions,
-        substep: f32,
+        outlook: Outlook,
         (last, links): (&[Chain], &mut Vectors),
     ) {
         let (mut start, mut last) = (0, last.iter().peekable());
@@ -121,6 +121,12 @@ impl ChainSearch {
             if !(MIN_LENGTH..=MAX_LENGTH).contains(&slots.len()) || !slots.clone().any(is_sphere) {
                 continue;
             }
+            if slots.clone().any(|slot| exclusions.is_covered(slot)) {
+                if outlook.with_edges {
+                    self.chains.push((Chain::new(slots), false));
+                }
+                continue;
+            }
             while last.next_if(|last| last.slots().start < slots.start).is_some() {}
             let known = last.next_if(|last| last.slots() == slots);
             if let Some(chain) = known.filter(|chain| chain.has_play_left(&particles.position, links)) {
@@ -128,7 +134,7 @@ impl ChainSearch {
                 continue;
             }
             let mut chain = Chain::new(slots);
-            if chain.renew_play(particles, exclusions, substep) {
+            if chain.renew_play(particles, exclusions, outlook.substep) {
                 chain.note_links(&particles.position, links);
                 self.chains.push((chain, false));
             }
@@ -148,7 +154,7 @@ impl ChainSearch {
         for (number, (chain, _)) in chains.iter().enumerate() {
             bound_lone(bounds, particles, reach, next..chain.slots().start);
             next = chain.slots().end;
-            let reach = chain.slots().map(reach).fold(0.0, f32::max);
+            let reach = chain.slots().map(reach).fold(chain.radius, f32::max);
             let [least, most] = chain.reserved();
             bounds.push(Bounds { least: least - reach, most: most + reach, chain: Some(number) });
         }
@@ -229,8 +235,8 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let mut links = Vectors::default();
         let (mut search, mut free, skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-        search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut links));
+        let outlook = Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, with_edges: false };
+        search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
         assert_eq!((free.len(), free[0].slots()), (1, 0..20));
         let proofs = |particles: &Particles| free[0].proofs(&particles.position, &links, Vec3::ZERO);
         assert_eq!(proofs(&particles), [Proof::Holds; 2]);
@@ -252,8 +258,8 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let (mut search, skins) = (ChainSearch::default(), vec![0.004; 20]);
         let (mut free, mut links) = (Vec::new(), Vectors::default());
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-        search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut links));
+        let outlook = Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, with_edges: false };
+        search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
         let first = links.clone();
         // Each link turns by 0.1 m · 2 sin(angle / 2), of a play of 0.06 m.
         for (angle, is_kept) in [(0.2_f32, true), (0.3, false)] {
@@ -261,7 +267,7 @@ mod tests {
             for slot in 0..20 {
                 particles.position.set(slot, Vec3::new(cos, sin, 0.0) * 0.1 * slot as f32);
             }
-            search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut links));
+            search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
             assert_eq!(free.len(), 1);
             let mut present = first.clone();
             free[0].note_links(&particles.position, &mut present);
@@ -283,9 +289,9 @@ mod tests {
             }
             exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
-            let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
+            let outlook = Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, with_edges: false };
             let found = (&mut free, &mut Vectors::default());
-            ChainSearch::default().find(&particles, &exclusions, &skins, durations, found);
+            ChainSearch::default().find(&particles, &exclusions, &skins, outlook, found);
             assert_eq!(free.len() == 1, is_free, "{height}");
         }
     }

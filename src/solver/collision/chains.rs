@@ -56,6 +56,8 @@ pub(super) struct Chain {
     pub margin: Vec3,
     /// m.
     pub play: f32,
+    /// The greatest radius of its particles, m.
+    pub radius: f32,
 }
 
 /// Whether it is known that a chain touches nothing.
@@ -141,7 +143,7 @@ impl Chain {
         particles: &Particles,
         common: Vec3,
         ticks: f32,
-        Durations { time_step, substep, gravity }: Durations,
+        Outlook { time_step, substep, gravity, .. }: Outlook,
     ) {
         let (mut least, mut most) = ([Vec3::INFINITY; 2], [Vec3::NEG_INFINITY; 2]);
         let mut speed_squared = 0.0_f32;
@@ -151,6 +153,7 @@ impl Chain {
             most = [most[0].max(position), most[1].max(velocity)];
             speed_squared = speed_squared.max(velocity.length_squared());
         }
+        self.radius = particles.radius()[self.slots()].iter().copied().fold(0.0, f32::max);
         let (duration, speed) = (ticks * time_step, speed_squared.sqrt());
         let along = least[1].abs().max(most[1].abs());
         let across = CHANGE_ACROSS * speed;
@@ -224,12 +227,17 @@ impl pulp::WithSimd for Play<'_> {
     }
 }
 
-/// s, s and m/s².
+/// What chains are searched for.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Durations {
+pub(super) struct Outlook {
+    /// s.
     pub time_step: f32,
+    /// s.
     pub substep: f32,
+    /// m/s².
     pub gravity: f32,
+    /// Whether those that collide along their links are wanted, too.
+    pub with_edges: bool,
 }
 
 #[cfg(test)]

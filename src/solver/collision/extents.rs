@@ -44,19 +44,66 @@ pub(super) fn keeps_within(
     [single.is_inside() && lanes.is_inside(), lanes.is_within(limit)]
 }
 
+/// By what a chain that leads on in a direction touches nothing of its own: each particle is ahead of the one before by at least a distance.
+/// Then so are any two, and links that have no end in common.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Lead {
+    /// A unit vector; zero where the chain does not lead on.
+    pub direction: Vec3,
+    /// m.
+    pub distance: f32,
+}
+
+/// Whether the centres of a chain less `common` are in its box grown by `margin`, and whether it leads on.
+#[inline(always)]
+pub(super) fn leads_on(
+    chain: &Chain,
+    (first, [x, y, z]): Coordinates,
+    (common, margin): (Vec3, Vec3),
+    lead: Lead,
+) -> bool {
+    let bounds = [chain.least + common - margin, chain.most + common + margin];
+    let count = chain.slots().len();
+    let here = chain.slots().start - first;
+    let positions = [&x[here..here + count], &y[here..here + count], &z[here..here + count]];
+    let mut single = Extent::<1>::default();
+    single.add_room(positions.map(|axis| [axis[0]]), bounds);
+    if count <= LANES {
+        for place in 1..count {
+            single.add_advance(positions, place, bounds, lead.direction);
+        }
+        return single.is_inside() && single.is_ahead(lead.distance);
+    }
+    let mut lanes = Extent::<LANES>::default();
+    let mut place = 1;
+    while place + LANES < count {
+        lanes.add_advance(positions, place, bounds, lead.direction);
+        place += LANES;
+    }
+    lanes.add_advance(positions, count - LANES, bounds, lead.direction);
+    single.is_inside() && lanes.is_inside() && lanes.is_ahead(lead.distance)
+}
+
 /// How much of what they may use particles of a chain have used, in lanes.
 struct Extent<const COUNT: usize> {
     /// The least distance to a side of the box, m: negative outside.
     room: [f32; COUNT],
     /// The greatest square of the change of a link, m².
     change: [f32; COUNT],
-    /// The sum of these squares: unlike what is the least or the greatest, NaN if any of them is.
+    /// The least distance by which one is ahead of the one before, m.
+    advance: [f32; COUNT],
+    /// The sum of these squares or distances: unlike what is the least or the greatest, NaN if any of them is.
     sum: [f32; COUNT],
 }
 
 impl<const COUNT: usize> Default for Extent<COUNT> {
     fn default() -> Self {
-        Self { room: [f32::INFINITY; COUNT], change: [0.0; COUNT], sum: [0.0; COUNT] }
+        Self {
+            room: [f32::INFINITY; COUNT],
+            change: [0.0; COUNT],
+            advance: [f32::INFINITY; COUNT],
+            sum: [0.0; COUNT],
+        }
     }
 }
 
@@ -85,6 +132,29 @@ impl<const COUNT: usize> Extent<COUNT> {
         }
     }
 
+    /// Adds the particles from a `place` in the chain, and by how much they are ahead of those before in a direction.
+    #[inline(always)]
+    fn add_advance(&mut self, positions: [&[f32]; 3], place: usize, bounds: [Vec3; 2], direction: Vec3) {
+        let lanes = |axis: &[f32], place: usize| {
+            *axis[place..].first_chunk::<COUNT>().expect("the chain has as many")
+        };
+        let [x, y, z] = positions;
+        let here = [lanes(x, place), lanes(y, place), lanes(z, place)];
+        self.add_room(here, bounds);
+        let mut advance = [0.0; COUNT];
+        for axis in 0..3 {
+            let before = lanes(positions[axis], place - 1);
+            for lane in 0..COUNT {
+                advance[lane] += direction[axis] * (here[axis][lane] - before[lane]);
+            }
+        }
+        for lane in 0..COUNT {
+            let advance = advance[lane];
+            self.sum[lane] += advance;
+            self.advance[lane] = if advance < self.advance[lane] { advance } else { self.advance[lane] };
+        }
+    }
+
     #[inline(always)]
     fn add_room(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
         for axis in 0..3 {
@@ -106,5 +176,10 @@ impl<const COUNT: usize> Extent<COUNT> {
     #[inline(always)]
     fn is_within(&self, limit: f32) -> bool {
         !self.change.iter().any(|change| *change > limit) && !self.sum.iter().any(|sum| sum.is_nan())
+    }
+
+    #[inline(always)]
+    fn is_ahead(&self, distance: f32) -> bool {
+        self.advance.iter().all(|advance| *advance >= distance) && !self.sum.iter().any(|sum| sum.is_nan())
     }
 }

@@ -61,6 +61,7 @@ use candidates::Candidates;
 use chains::Proof;
 pub use collider::Collider;
 use collider::Placed;
+use extents::Lead;
 use feature_search::FeatureSearch;
 use features::Features;
 pub(super) use features::{Feature, sum, weigh};
@@ -97,6 +98,8 @@ pub(super) struct ContactCaches {
     feature_search: FeatureSearch,
     guard: Guard,
     bodies: Vec<Body>,
+    /// Of the free chains in a tick that is taken as a whole, by what they do not touch themselves.
+    leads: Vec<Lead>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
     has_previous: bool,

@@ -1,15 +1,16 @@
 //! Ticks in which nothing touches as long as all chains are free: then substeps need no contacts, only a look at the chains
 //! (`step/in_place.rs`).
 //!
-//! A free chain touches nothing while it is in what is reserved for it and keeps within its play (`chains.rs`). Both are convex: what holds
-//! at the start and at the end of a substep holds in between, too. So nothing passes through another unseen. Where a chain is found outside
-//! in a substep, the tick is taken again with contacts; a search before the tick, where velocities lead out, makes that rare.
+//! A free chain touches nothing else while it is in what is reserved for it, and nothing of its own while it leads on in some direction, or,
+//! of spheres, keeps within its play (`chains.rs`). All of these are convex: what holds at the start and at the end of a substep holds in
+//! between, too. So nothing passes through another unseen. Where it does not hold after a substep, the tick is taken again with contacts;
+//! a search before the tick, where velocities lead out, makes that rare.
 
 use bevy::math::Vec3;
 
 use super::broad_phase::{BroadPhase, mean};
 use super::chains::{Chain, Proof};
-use super::extents::Coordinates;
+use super::extents::{Coordinates, Lead, leads_on};
 use super::shapes::Bounds;
 use super::{Collider, ContactCaches, ContactMemory, Substep};
 use crate::solver::graph::Exclusions;
@@ -18,9 +19,16 @@ use crate::solver::particles::{Particles, Vectors};
 /// Number of ticks, at most, that are not tried after one that could not be taken as a whole.
 const MAX_PAUSE: u32 = 16;
 
+/// What a particle is ahead of the one before it, at least, as a multiple of the thickness of the chain: the rest is for rounding.
+const LEAD: f32 = 1.01;
+
+/// What it is to be where velocities lead to.
+const EXPECTED_LEAD: f32 = 1.2;
+
 /// What is to be looked at after each substep.
 pub(in crate::solver) struct Watch<'a> {
     chains: &'a [Chain],
+    leads: &'a [Lead],
     links: &'a Vectors,
     drift: Drift,
     /// s.
@@ -45,10 +53,10 @@ impl Watch<'_> {
     pub fn holds(&self, particles: Coordinates, substeps: u32) -> bool {
         let (first, [x, _, _]) = particles;
         let from = self.chains.partition_point(|chain| chain.slots().start < first);
-        let chains = &self.chains[from..];
+        let (chains, leads) = (&self.chains[from..], &self.leads[from..]);
         let to = chains.partition_point(|chain| chain.slots().start < first + x.len());
         let common = self.drift.after(substeps as f32 * self.substep);
-        let free = AreFree { chains: &chains[..to], links: self.links, particles, common };
+        let free = AreFree { chains: &chains[..to], leads, links: self.links, particles, common };
         pulp::Arch::new().dispatch(free)
     }
 }
@@ -56,6 +64,7 @@ impl Watch<'_> {
 /// Whether chains are free.
 struct AreFree<'a> {
     chains: &'a [Chain],
+    leads: &'a [Lead],
     links: &'a Vectors,
     particles: Coordinates<'a>,
     common: Vec3,
@@ -66,22 +75,36 @@ impl pulp::WithSimd for AreFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
-        let Self { chains, links, particles, common } = self;
-        chains.iter().all(|chain| chain.is_free(particles, links, common))
+        let Self { chains, leads, links, particles, common } = self;
+        for (chain, lead) in chains.iter().zip(leads) {
+            let is_free = if lead.direction == Vec3::ZERO {
+                chain.is_free(particles, links, common)
+            } else {
+                leads_on(chain, particles, (common, chain.margin), *lead)
+            };
+            if !is_free {
+                return false;
+            }
+        }
+        true
     }
 }
 
-/// Whether chains will be free at the end of a tick; the play of those that will have used it up is found anew.
+/// Whether chains will be free at the end of a tick, and by what; the play of those that will have used it up is found anew.
 struct WillBeFree<'a> {
     chains: &'a mut [Chain],
+    leads: &'a mut Vec<Lead>,
     links: &'a mut Vectors,
     particles: &'a Particles,
     /// Where velocities lead to, m.
     ahead: &'a Vectors,
     exclusions: &'a Exclusions,
+    /// What all will have moved by, m.
     common: Vec3,
     /// s.
     time_step: f32,
+    /// Whether chains collide along their links.
+    with_edges: bool,
 }
 
 impl pulp::WithSimd for WillBeFree<'_> {
@@ -89,15 +112,32 @@ impl pulp::WithSimd for WillBeFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
-        let Self { chains, links, particles, ahead, exclusions, common, time_step } = self;
-        chains.iter_mut().all(|chain| {
-            let [outside, bent] = chain.proofs(ahead, links, common);
-            if outside == Proof::Holds && bent != Proof::Holds {
-                chain.note_links(&particles.position, links);
-                return chain.renew_play(particles, exclusions, time_step);
+        let Self { chains, leads, links, particles, ahead, exclusions, common, time_step, with_edges } = self;
+        leads.clear();
+        for chain in chains {
+            let slots = chain.slots();
+            let [first, last] = [slots.start, slots.end - 1].map(|slot| ahead.get(slot));
+            let thickness = 2.0 * chain.radius;
+            let lead =
+                Lead { direction: (last - first).normalize_or_zero(), distance: EXPECTED_LEAD * thickness };
+            // What has led on at the start is found after the first substep.
+            if leads_on(chain, (0, ahead.axes()), (common, Vec3::ZERO), lead) {
+                leads.push(Lead { distance: LEAD * thickness, ..lead });
+                continue;
             }
-            outside == Proof::Holds
-        })
+            leads.push(Lead::default());
+            let [outside, bent] = chain.proofs(ahead, links, common);
+            if with_edges || outside != Proof::Holds {
+                return false;
+            }
+            if bent != Proof::Holds {
+                chain.note_links(&particles.position, links);
+                if !chain.renew_play(particles, exclusions, time_step) {
+                    return false;
+                }
+            }
+        }
+        true
     }
 }
 
@@ -107,25 +147,8 @@ impl BroadPhase {
         Drift { way: self.common_way(particles), velocity }
     }
 
-    /// Whether all chains are likely to be free until a tick of `time_step` seconds has passed.
-    fn will_be_free(
-        &mut self,
-        particles: &Particles,
-        ahead: &Vectors,
-        exclusions: &Exclusions,
-        time_step: f32,
-    ) -> bool {
-        let common = self.drift(particles).after(time_step);
-        let Self { chains, chain_links: links, .. } = self;
-        pulp::Arch::new().dispatch(WillBeFree {
-            chains,
-            links,
-            particles,
-            ahead,
-            exclusions,
-            common,
-            time_step,
-        })
+    fn number_in_chains(&self) -> usize {
+        self.chains.iter().map(|chain| chain.slots().len()).sum()
     }
 
     /// Does not try the next ticks as a whole: twice as many as after the last one that failed.
@@ -138,11 +161,13 @@ impl BroadPhase {
 
 impl ContactCaches {
     /// What is to be watched in a tick in which nothing else can touch; `None` where contacts are to be looked for in each substep.
+    /// `with_edges`: chains collide along their links.
     pub fn watch<'a>(
-        &mut self,
+        &'a mut self,
         memory: &'a mut ContactMemory,
         particles: &Particles,
         substep: Substep,
+        with_edges: bool,
     ) -> Option<Watch<'a>> {
         let Substep { settings, colliders, duration, .. } = substep;
         let count = particles.len();
@@ -156,10 +181,11 @@ impl ContactCaches {
             return None;
         }
         self.look_ahead(particles, settings.time_step);
-        if !self.will_be_free(memory, particles, substep) {
-            let Self { candidates, pair_contacts, .. } = self;
-            candidates.renew(memory, pair_contacts, particles, &particles.position, substep);
-            if !memory.nothing_has_a_skin(count) || !self.will_be_free(memory, particles, substep) {
+        if !self.will_be_free(memory, particles, substep, with_edges) {
+            let Self { candidates, pair_contacts, .. } = &mut *self;
+            candidates.renew(memory, pair_contacts, (particles, &particles.position), substep, with_edges);
+            if !memory.nothing_has_a_skin(count) || !self.will_be_free(memory, particles, substep, with_edges)
+            {
                 memory.broad_phase.as_mut()?.pause_ticks();
                 return None;
             }
@@ -174,7 +200,8 @@ impl ContactCaches {
         let last = memory.broad_phase.as_ref()?;
         self.rest();
         self.candidates.proof = Proof::Holds;
-        Some(Watch { chains: &last.chains, links: &last.chain_links, drift, substep: duration })
+        let leads = &self.leads;
+        Some(Watch { chains: &last.chains, leads, links: &last.chain_links, drift, substep: duration })
     }
 
     /// To be called after a tick that was watched: whether what was watched held in all its `substeps`.
@@ -198,12 +225,34 @@ impl ContactCaches {
         }
     }
 
-    fn will_be_free(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) -> bool {
-        let Self { candidates, previous: ahead, .. } = self;
+    /// Whether all chains are likely to be free until the tick has passed, and what collides along its links is in them.
+    fn will_be_free(
+        &mut self,
+        memory: &mut ContactMemory,
+        particles: &Particles,
+        substep: Substep,
+        with_edges: bool,
+    ) -> bool {
+        let Self { candidates, previous: ahead, leads, .. } = self;
         candidates.refresh_exclusions(memory, particles, substep.elements);
-        let last = memory.broad_phase.as_mut();
+        let Some(last) = memory.broad_phase.as_mut() else { return false };
+        if with_edges && last.number_in_chains() < particles.len() {
+            return false;
+        }
         let time_step = substep.settings.time_step;
-        last.is_some_and(|last| last.will_be_free(particles, ahead, &candidates.exclusions, time_step))
+        let common = last.drift(particles).after(time_step);
+        let (exclusions, BroadPhase { chains, chain_links: links, .. }) = (&candidates.exclusions, last);
+        pulp::Arch::new().dispatch(WillBeFree {
+            chains,
+            leads,
+            links,
+            particles,
+            ahead,
+            exclusions,
+            common,
+            time_step,
+            with_edges,
+        })
     }
 
     /// Whether anything of the chains may touch a collider in a tick in which all move `way`, or anything else may.
@@ -219,13 +268,11 @@ impl ContactCaches {
         }
         let planes = || self.placed.planes.iter().map(|number| &colliders[*number as usize]);
         // What is in no chain has no radius; it may touch a collider all the same.
-        let in_chains: usize = last.chains.iter().map(|chain| chain.slots().len()).sum();
-        if in_chains < particles.len() || planes().any(Collider::moves) {
+        if last.number_in_chains() < particles.len() || planes().any(Collider::moves) {
             return true;
         }
         last.chains.iter().any(|chain| {
-            let radius = particles.radius()[chain.slots()].iter().copied().fold(0.0, f32::max);
-            let [least, most] = chain.reserved();
+            let (radius, [least, most]) = (chain.radius, chain.reserved());
             let [low, high] = [way[0].min(way[1]) + least - radius, way[0].max(way[1]) + most + radius];
             let is_below = |plane: &Collider| {
                 let normal = plane.start.rotation * Vec3::Y;
