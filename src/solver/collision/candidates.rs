@@ -8,7 +8,7 @@ use crate::solver::state::Version;
 use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
 use super::chain_search::ChainSearch;
-use super::chains::{Outlook, Proof};
+use super::chains::{Outlook, Proof, Sought};
 use super::grid::Grid;
 use super::list::List;
 use super::memory::ContactMemory;
@@ -73,25 +73,25 @@ impl Candidates {
             memory.wide = should_be_wide(memory.wide, memory.age);
         }
         if exceeded != Some(false) {
-            return self.renew(memory, contacts, (particles, previous), substep, false);
+            return self.renew(memory, contacts, (particles, previous), substep, Sought::ForSubsteps);
         }
         self.derive(memory, contacts, particles);
         self.version = Some(memory.version);
         self.ahead = true;
     }
 
-    /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `with_edges` as in [`Outlook`].
+    /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `sought` are chains for it.
     pub fn renew(
         &mut self,
         memory: &mut ContactMemory,
         contacts: &mut PairContacts,
         (particles, previous): (&Particles, &Vectors),
         substep: Substep,
-        with_edges: bool,
+        sought: Sought,
     ) {
         self.store(memory, contacts);
         memory.age = 0;
-        self.search_anew(memory, particles, substep, with_edges);
+        self.search_anew(memory, particles, substep, sought);
         self.recall(memory, contacts);
         self.entangle(memory, particles, previous);
         self.version = Some(memory.version);
@@ -151,7 +151,7 @@ impl Candidates {
         memory: &mut ContactMemory,
         particles: &Particles,
         substep: Substep,
-        with_edges: bool,
+        sought: Sought,
     ) {
         let time_step = substep.settings.time_step;
         let ContactMemory { broad_phase, wide, crowded, .. } = memory;
@@ -162,7 +162,7 @@ impl Candidates {
             time_step,
             substep: substep.duration,
             gravity: substep.settings.gravity.length(),
-            with_edges,
+            sought,
         };
         broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, outlook);
         self.search(broad_phase, particles);

@@ -8,7 +8,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::broad_phase::mean;
-use super::chains::{Chain, MAX_LENGTH, MIN_LENGTH, Outlook};
+use super::chains::{Chain, MAX_LENGTH, MIN_LENGTH, Outlook, Sought};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -121,14 +121,17 @@ impl ChainSearch {
             if !(MIN_LENGTH..=MAX_LENGTH).contains(&slots.len()) || !slots.clone().any(is_sphere) {
                 continue;
             }
-            if slots.clone().any(|slot| exclusions.is_covered(slot)) {
-                if outlook.with_edges {
-                    self.chains.push((Chain::new(slots), false));
-                }
+            let collides_along = slots.clone().any(|slot| exclusions.is_covered(slot));
+            if collides_along && outlook.sought != Sought::ForTick {
                 continue;
             }
             while last.next_if(|last| last.slots().start < slots.start).is_some() {}
             let known = last.next_if(|last| last.slots() == slots);
+            if outlook.sought == Sought::ForTick {
+                // Most need none of their play.
+                self.chains.push((known.copied().unwrap_or(Chain::new(slots)), false));
+                continue;
+            }
             if let Some(chain) = known.filter(|chain| chain.has_play_left(&particles.position, links)) {
                 self.chains.push((*chain, false));
                 continue;
@@ -235,7 +238,8 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let mut links = Vectors::default();
         let (mut search, mut free, skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
-        let outlook = Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, with_edges: false };
+        let outlook =
+            Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
         search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
         assert_eq!((free.len(), free[0].slots()), (1, 0..20));
         let proofs = |particles: &Particles| free[0].proofs(&particles.position, &links, Vec3::ZERO);
@@ -258,7 +262,8 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let (mut search, skins) = (ChainSearch::default(), vec![0.004; 20]);
         let (mut free, mut links) = (Vec::new(), Vectors::default());
-        let outlook = Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, with_edges: false };
+        let outlook =
+            Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
         search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
         let first = links.clone();
         // Each link turns by 0.1 m · 2 sin(angle / 2), of a play of 0.06 m.
@@ -289,7 +294,8 @@ mod tests {
             }
             exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
-            let outlook = Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, with_edges: false };
+            let outlook =
+                Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
             let found = (&mut free, &mut Vectors::default());
             ChainSearch::default().find(&particles, &exclusions, &skins, outlook, found);
             assert_eq!(free.len() == 1, is_free, "{height}");

@@ -236,8 +236,16 @@ pub(super) struct Outlook {
     pub substep: f32,
     /// m/s².
     pub gravity: f32,
-    /// Whether those that collide along their links are wanted, too.
-    pub with_edges: bool,
+    pub sought: Sought,
+}
+
+/// Which chains are searched for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sought {
+    /// Those of which no spheres touch each other.
+    ForSubsteps,
+    /// All that touch nothing else, whether they collide as spheres or along their links: whether they touch themselves is found in the tick.
+    ForTick,
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! How much of its box and of its play a chain has used.
 
 use bevy::math::Vec3;
+use pulp::Simd;
 
 use super::chains::{Chain, LANES};
 use crate::solver::particles::Vectors;
@@ -56,32 +57,59 @@ pub(super) struct Lead {
 
 /// Whether the centres of a chain less `common` are in its box grown by `margin`, and whether it leads on.
 #[inline(always)]
-pub(super) fn leads_on(
+pub(super) fn leads_on<S: Simd>(
+    simd: S,
     chain: &Chain,
     (first, [x, y, z]): Coordinates,
     (common, margin): (Vec3, Vec3),
     lead: Lead,
 ) -> bool {
-    let bounds = [chain.least + common - margin, chain.most + common + margin];
+    let (least, most) = (chain.least + common - margin, chain.most + common + margin);
     let count = chain.slots().len();
     let here = chain.slots().start - first;
     let positions = [&x[here..here + count], &y[here..here + count], &z[here..here + count]];
-    let mut single = Extent::<1>::default();
-    single.add_room(positions.map(|axis| [axis[0]]), bounds);
-    if count <= LANES {
-        for place in 1..count {
-            single.add_advance(positions, place, bounds, lead.direction);
-        }
-        return single.is_inside() && single.is_ahead(lead.distance);
+    let place_of = |place: usize| Vec3::new(positions[0][place], positions[1][place], positions[2][place]);
+    let is_inside = |point: Vec3| point.cmpge(least).all() && point.cmple(most).all();
+    if !is_inside(place_of(0)) {
+        return false;
     }
-    let mut lanes = Extent::<LANES>::default();
+    let lanes = S::F32_LANES;
+    if count <= lanes {
+        return (1..count).all(|place| {
+            let advance = lead.direction.dot(place_of(place) - place_of(place - 1));
+            is_inside(place_of(place)) && advance >= lead.distance
+        });
+    }
+    let splat = |vector: Vec3| vector.to_array().map(|value| simd.splat_f32s(value));
+    let (least, most, direction) = (splat(least), splat(most), splat(lead.direction));
+    // The least distance to a side of the box, and that by which one is ahead of the one before; the sum is NaN if any of these is.
+    let [mut room, mut advance] = [simd.splat_f32s(f32::INFINITY); 2];
+    let mut sum = simd.splat_f32s(0.0);
     let mut place = 1;
-    while place + LANES < count {
-        lanes.add_advance(positions, place, bounds, lead.direction);
-        place += LANES;
+    loop {
+        let mut ahead = simd.splat_f32s(0.0);
+        for axis in 0..3 {
+            let here = vector(simd, positions[axis], place);
+            let way = simd.sub_f32s(here, vector(simd, positions[axis], place - 1));
+            ahead = simd.add_f32s(ahead, simd.mul_f32s(direction[axis], way));
+            room = simd.min_f32s(room, simd.sub_f32s(here, least[axis]));
+            room = simd.min_f32s(room, simd.sub_f32s(most[axis], here));
+        }
+        (advance, sum) = (simd.min_f32s(advance, ahead), simd.add_f32s(sum, ahead));
+        if place + lanes == count {
+            break;
+        }
+        // The last ones overlap those before.
+        place = (place + lanes).min(count - lanes);
     }
-    lanes.add_advance(positions, count - LANES, bounds, lead.direction);
-    single.is_inside() && lanes.is_inside() && lanes.is_ahead(lead.distance)
+    let excess = simd.sub_f32s(advance, simd.splat_f32s(lead.distance));
+    simd.reduce_min_f32s(simd.min_f32s(room, excess)) >= 0.0 && !simd.reduce_sum_f32s(sum).is_nan()
+}
+
+/// The vector of the numbers from a `place` on.
+#[inline(always)]
+fn vector<S: Simd>(_: S, numbers: &[f32], place: usize) -> S::f32s {
+    S::as_simd_f32s(&numbers[place..place + S::F32_LANES]).0[0]
 }
 
 /// How much of what they may use particles of a chain have used, in lanes.
@@ -90,20 +118,13 @@ struct Extent<const COUNT: usize> {
     room: [f32; COUNT],
     /// The greatest square of the change of a link, m².
     change: [f32; COUNT],
-    /// The least distance by which one is ahead of the one before, m.
-    advance: [f32; COUNT],
-    /// The sum of these squares or distances: unlike what is the least or the greatest, NaN if any of them is.
+    /// The sum of these squares: unlike what is the least or the greatest, NaN if any of them is.
     sum: [f32; COUNT],
 }
 
 impl<const COUNT: usize> Default for Extent<COUNT> {
     fn default() -> Self {
-        Self {
-            room: [f32::INFINITY; COUNT],
-            change: [0.0; COUNT],
-            advance: [f32::INFINITY; COUNT],
-            sum: [0.0; COUNT],
-        }
+        Self { room: [f32::INFINITY; COUNT], change: [0.0; COUNT], sum: [0.0; COUNT] }
     }
 }
 
@@ -132,29 +153,6 @@ impl<const COUNT: usize> Extent<COUNT> {
         }
     }
 
-    /// Adds the particles from a `place` in the chain, and by how much they are ahead of those before in a direction.
-    #[inline(always)]
-    fn add_advance(&mut self, positions: [&[f32]; 3], place: usize, bounds: [Vec3; 2], direction: Vec3) {
-        let lanes = |axis: &[f32], place: usize| {
-            *axis[place..].first_chunk::<COUNT>().expect("the chain has as many")
-        };
-        let [x, y, z] = positions;
-        let here = [lanes(x, place), lanes(y, place), lanes(z, place)];
-        self.add_room(here, bounds);
-        let mut advance = [0.0; COUNT];
-        for axis in 0..3 {
-            let before = lanes(positions[axis], place - 1);
-            for lane in 0..COUNT {
-                advance[lane] += direction[axis] * (here[axis][lane] - before[lane]);
-            }
-        }
-        for lane in 0..COUNT {
-            let advance = advance[lane];
-            self.sum[lane] += advance;
-            self.advance[lane] = if advance < self.advance[lane] { advance } else { self.advance[lane] };
-        }
-    }
-
     #[inline(always)]
     fn add_room(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
         for axis in 0..3 {
@@ -176,10 +174,5 @@ impl<const COUNT: usize> Extent<COUNT> {
     #[inline(always)]
     fn is_within(&self, limit: f32) -> bool {
         !self.change.iter().any(|change| *change > limit) && !self.sum.iter().any(|sum| sum.is_nan())
-    }
-
-    #[inline(always)]
-    fn is_ahead(&self, distance: f32) -> bool {
-        self.advance.iter().all(|advance| *advance >= distance) && !self.sum.iter().any(|sum| sum.is_nan())
     }
 }

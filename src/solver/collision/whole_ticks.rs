@@ -9,7 +9,7 @@
 use bevy::math::Vec3;
 
 use super::broad_phase::{BroadPhase, mean};
-use super::chains::{Chain, Proof};
+use super::chains::{Chain, Proof, Sought};
 use super::extents::{Coordinates, Lead, leads_on};
 use super::shapes::Bounds;
 use super::{Collider, ContactCaches, ContactMemory, Substep};
@@ -74,13 +74,13 @@ impl pulp::WithSimd for AreFree<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> bool {
         let Self { chains, leads, links, particles, common } = self;
         for (chain, lead) in chains.iter().zip(leads) {
             let is_free = if lead.direction == Vec3::ZERO {
                 chain.is_free(particles, links, common)
             } else {
-                leads_on(chain, particles, (common, chain.margin), *lead)
+                leads_on(simd, chain, particles, (common, chain.margin), *lead)
             };
             if !is_free {
                 return false;
@@ -111,7 +111,7 @@ impl pulp::WithSimd for WillBeFree<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> bool {
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> bool {
         let Self { chains, leads, links, particles, ahead, exclusions, common, time_step, with_edges } = self;
         leads.clear();
         for chain in chains {
@@ -121,7 +121,7 @@ impl pulp::WithSimd for WillBeFree<'_> {
             let lead =
                 Lead { direction: (last - first).normalize_or_zero(), distance: EXPECTED_LEAD * thickness };
             // What has led on at the start is found after the first substep.
-            if leads_on(chain, (0, ahead.axes()), (common, Vec3::ZERO), lead) {
+            if leads_on(simd, chain, (0, ahead.axes()), (common, Vec3::ZERO), lead) {
                 leads.push(Lead { distance: LEAD * thickness, ..lead });
                 continue;
             }
@@ -183,7 +183,8 @@ impl ContactCaches {
         self.look_ahead(particles, settings.time_step);
         if !self.will_be_free(memory, particles, substep, with_edges) {
             let Self { candidates, pair_contacts, .. } = &mut *self;
-            candidates.renew(memory, pair_contacts, (particles, &particles.position), substep, with_edges);
+            let start = (particles, &particles.position);
+            candidates.renew(memory, pair_contacts, start, substep, Sought::ForTick);
             if !memory.nothing_has_a_skin(count) || !self.will_be_free(memory, particles, substep, with_edges)
             {
                 memory.broad_phase.as_mut()?.pause_ticks();
