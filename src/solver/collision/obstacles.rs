@@ -123,6 +123,11 @@ impl Obstacle {
         seen
     }
 
+    /// Whether its distance is that of a solid, and not of a plane or a pinned particle.
+    pub fn is_curved(&self) -> bool {
+        matches!(self.form, Form::Solid { .. })
+    }
+
     /// The slot of the pinned particle that it is, if it is one.
     pub fn pinned_slot(&self) -> Option<usize> {
         match self.partner {

@@ -30,7 +30,7 @@ pub(super) struct ConjugateGradient {
     product: Vec<f64>,
     preconditioned: Vec<f64>,
     /// Iterations of the last solution.
-    iterations: usize,
+    pub iterations: usize,
 }
 
 impl ConjugateGradient {

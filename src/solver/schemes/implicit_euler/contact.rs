@@ -3,6 +3,7 @@
 use bevy::math::DVec3;
 
 use super::block::Symmetric;
+use super::follow::Followed;
 use super::system::Compound;
 use crate::solver::collision::Obstacle;
 use crate::solver::elements::MAX_ENDS;
@@ -62,6 +63,8 @@ pub(super) struct Contact {
     pub max_depth: f64,
     /// By how much K is greater than that of others.
     pub hardness: f64,
+    /// Of an edge or a face whose point follows the iterates.
+    pub followed: Option<Followed>,
 }
 
 /// What a particle touches.
@@ -125,6 +128,7 @@ impl Contact {
             friction: 0.0,
             max_depth: f64::INFINITY,
             hardness: 1.0,
+            followed: None,
         }
     }
 
@@ -187,6 +191,21 @@ impl Contact {
                 ((self.point(position) + pinned).dot(*normal) - reach, *normal)
             }
         }
+    }
+
+    /// Takes the force that would stop it on its flight for that which friction goes by.
+    pub fn estimate_force(&mut self, flight: &[DVec3]) {
+        let (gap, _) = self.gap(flight);
+        self.lagged = (self.inertia * (self.allowed - gap)).max(0.0);
+    }
+
+    /// The work that its force does on what leaves an overlap, J, at most that of a speed of `longest` m a step.
+    pub fn recovery(&self, start: &[DVec3], longest: f64) -> f64 {
+        if self.force == 0.0 || !matches!(self.partner, Partner::Obstacle(_)) {
+            return 0.0;
+        }
+        let (gap, _) = self.gap(start);
+        (self.force * (-gap).max(0.0)).min(0.5 * self.inertia * longest * longest)
     }
 
     /// The way of the particle in the step, relative to what it touches, m.

@@ -74,17 +74,19 @@ const REACH: f64 = 4.0;
 pub(super) struct Contacts {
     pub(super) contacts: Vec<Contact>,
     /// K as a multiple of the inertia of the particle.
-    stiffness: f64,
+    pub stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
-    max_depth: f64,
+    pub max_depth: f64,
     /// Number of solutions so far.
-    passes: usize,
+    pub passes: usize,
     /// The same at most.
     pub(super) max_passes: usize,
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
     pub(super) reach: f64,
+    /// Whether there are any of edges and faces with obstacles.
+    pub(super) has_features: bool,
     mode: Mode,
     /// Whether other contacts held in the last linearisation than in the one before.
     pub changed: bool,
@@ -147,10 +149,10 @@ impl Contacts {
         let Motion { elimination, particles, start, flight, inertia, h } = *motion;
         self.contacts.clear();
         self.mode = Mode::Step;
-        self.changed = false;
+        (self.changed, self.has_features) = (false, false);
         let free = 0..elimination.free;
         let longest = longest_way(free.clone(), start, flight);
-        (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
+        (self.stiffness, self.passes, self.max_passes) = (super::newton::dbg("REST_K", STIFFENING), 0, MAX_PASSES);
         self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
         self.reach = least_reach.max(REACH * longest);
@@ -220,13 +222,18 @@ impl Contacts {
     /// Looks for none: nothing is held.
     pub fn clear(&mut self) {
         self.contacts.clear();
-        (self.mode, self.changed) = (Mode::Step, false);
+        (self.mode, self.changed, self.has_features) = (Mode::Step, false, false);
     }
 
     /// The nodes that were held in the last linearisation.
     pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
         let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.is_particle());
         held.map(|contact| contact.node)
+    }
+
+    /// Whether edges or faces may touch something between their corners.
+    pub fn any_features(&self) -> bool {
+        self.has_features
     }
 
     /// Whether there may be any contact.
@@ -256,9 +263,27 @@ impl Contacts {
         let is_last = !self.any() || self.passes + 1 >= self.max_passes;
         match is_last {
             true if self.max_passes == MAX_SURFACE_PASSES => MAX_SURFACE_STEPS,
-            true => MAX_STEPS,
-            false => STEPS_OF_A_PASS,
+            true => super::newton::dbg("REST_MAX", MAX_STEPS as f64) as usize,
+            false => super::newton::dbg("REST_STEPS", STEPS_OF_A_PASS as f64) as usize,
         }
+    }
+
+    /// DBG
+    pub fn estimate(&mut self, flight: &[DVec3]) {
+        if !self.has_features || super::newton::dbg("REST_EST", 1.0) == 0.0 {
+            return;
+        }
+        for contact in &mut self.contacts {
+            contact.estimate_force(flight);
+        }
+    }
+
+    /// The work of what leaves an overlap, J.
+    pub fn recovery(&self, start: &[DVec3], h: f64) -> f64 {
+        if !self.has_features || super::newton::dbg("REST_WORK", 1.0) == 0.0 {
+            return 0.0;
+        }
+        self.contacts.iter().map(|contact| contact.recovery(start, RECOVERY_SPEED * h)).sum()
     }
 
     /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with
@@ -279,7 +304,7 @@ impl Contacts {
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
             // Many contacts of surfaces do the same: which of them hold is not found to the last one.
-            if is_solved && !matches!(contact.partner, Partner::Surface { .. }) {
+            if (is_solved || super::newton::dbg("REST_MULT", 0.0) > 0.0) && !matches!(contact.partner, Partner::Surface { .. }) {
                 contact.multiplier = contact.force;
             }
         }
@@ -289,8 +314,19 @@ impl Contacts {
                 any_harder |= contact.harden();
             }
         }
-        let is_deep = deepest > self.max_depth;
-        if is_deep {
+        let mut is_deep = deepest > self.max_depth;
+        if self.has_features && super::newton::dbg("REST_PER", 1.0) > 0.0 {
+            let soft = super::newton::dbg("REST_SOFT", 1.0);
+            is_deep = false;
+            if is_solved {
+                for contact in &mut self.contacts {
+                    if contact.force > 0.0 && contact.depth.abs() > soft * self.max_depth && !matches!(contact.partner, Partner::Surface { .. }) {
+                        contact.hardness *= super::newton::dbg("REST_GROWTH", GROWTH);
+                        is_deep = true;
+                    }
+                }
+            }
+        } else if is_deep && (is_solved || super::newton::dbg("REST_KEEP", 0.0) == 0.0) {
             self.stiffness *= GROWTH;
         }
         let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
@@ -303,7 +339,7 @@ impl Contacts {
     }
 
     /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J.
-    pub fn linearise(&mut self, position: &[DVec3], mut sums: Sums) -> f64 {
+    pub fn linearise(&mut self, [position, start]: [&[DVec3]; 2], mut sums: Sums) -> f64 {
         let Self { contacts, stiffness, creep, mode, changed, .. } = self;
         *changed = false;
         let mut energy = 0.0;
@@ -312,6 +348,7 @@ impl Contacts {
                 contact.send_back(*stiffness, &mut sums);
                 continue;
             }
+            if super::newton::dbg("REST_FOLLOW", 1.0) > 0.0 { contact.follow(position, start); }
             let was_held = contact.force > 0.0;
             energy += contact.linearise(position, *stiffness, *creep, &mut sums);
             *changed |= was_held != (contact.force > 0.0);

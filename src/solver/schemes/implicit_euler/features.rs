@@ -1,11 +1,12 @@
 //! Edges and triangles of an island that touch colliders between their corners.
 //!
-//! Which point of them touches is found where the island would fly, and is kept for the step.
+//! Which point of them touches is found where the island would fly; from there on it follows (`follow.rs`).
 
 use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner};
 use super::contacts::{Contacts, Motion, RECOVERY_SPEED};
+use super::follow::Followed;
 use super::{Island, Step};
 use crate::solver::collision::{Feature, Obstacle, Obstacles, Surroundings, sum, weigh};
 use crate::solver::particles::Particles;
@@ -87,6 +88,7 @@ impl Contacts {
                 let found = obstacle.deepest(feature.count, [from, to], radii, h);
                 if let Some((obstacle, weights)) = found {
                     let contact = feature_contact(motion, feature, obstacle, weights, coefficients);
+                    self.has_features |= contact.is_some();
                     self.contacts.extend(contact);
                 }
             });
@@ -125,14 +127,20 @@ fn feature_contact(
     let mut others = [(0, 0.0); 3];
     let rest = (0..feature.count).filter(|place| *place != first);
     rest.zip(&mut others).for_each(|(place, other)| *other = (nodes[place], weights[place]));
+    let mut own_radii = [radii[first]; 3];
+    let rest = (0..feature.count).filter(|place| *place != first);
+    rest.zip(&mut own_radii[1..]).for_each(|(place, own)| *own = radii[place]);
+    let carried = surface_way + h * obstacle.sliding();
+    let followed = obstacle.is_curved().then_some(Followed { radii: own_radii, carried });
     Some(Contact {
+        followed,
         weight: weights[first],
         others,
         count: feature.count - 1,
         radius,
         inertia: 1.0 / mobility,
         allowed: (gap + RECOVERY_SPEED * h).min(0.0),
-        origin: begin + surface_way + h * obstacle.sliding(),
+        origin: begin + carried,
         approach,
         normal,
         restitution,

@@ -39,6 +39,7 @@ pub(super) struct Newton {
     /// The point of the least potential so far.
     best: Vec<DVec3>,
     progress: Progress,
+    pub dbg: usize, // DBG
 }
 
 /// How far the iteration has come: sums of squares, m², and energies, J.
@@ -60,6 +61,8 @@ struct Progress {
     /// Of what may be rounding.
     rounding: f64,
 }
+
+pub(super) fn dbg(name: &str, default: f64) -> f64 { std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default) }
 
 impl Progress {
     /// Whether the error that is left after the step is small enough.
@@ -88,7 +91,9 @@ impl Newton {
     pub fn minimise(&mut self, system: &mut System, elimination: &Elimination, max_steps: usize) -> bool {
         self.measure_flight(system, elimination);
         let (mut least, mut ascents) = (f64::INFINITY, 0);
+        self.dbg = 0; // DBG
         for _ in 0..max_steps {
+            self.dbg += 1; // DBG
             let potential = system.linearise(elimination);
             // The potential is a sum: it does not show what its rounding hides.
             if potential <= least + 1e-12 * least.abs() {
@@ -101,18 +106,41 @@ impl Newton {
                 system.position.clone_from(&self.best);
                 system.linearise(elimination);
             }
-            self.conjugate_gradient.solve(system, elimination, STEP_TOLERANCE);
+            self.conjugate_gradient.solve(system, elimination, dbg("REST_CG", STEP_TOLERANCE));
             self.find_step(system, elimination);
             if ascents > MAX_ASCENTS {
                 self.descend(system, elimination, least);
                 continue;
             }
+            if dbg("REST_TRACE", 0.0) > 0.0 { // DBG
+                let held = system.contacts.contacts.iter().filter(|c| c.force > 0.0).count(); // DBG
+                let stick = system.contacts.contacts.iter().filter(|c| c.rubbing.length() > 0.0 && c.rubbing.length() < 0.999 * c.friction * c.lagged).count(); // DBG
+                eprintln!("    it {} pot {:.9e} step {:.2e} m E {:.2e} flight {:.2e} {:.2e} pulled {:.2e} {:.2e} held {} stick {} ascents {} cg {}", self.dbg, potential, self.progress.step.sqrt(), self.progress.step_energy, self.progress.flight.sqrt(), self.progress.flight_energy, self.progress.pulled.sqrt(), self.progress.pulled_energy, held, stick, ascents, self.conjugate_gradient.iterations); // DBG
+            } // DBG
+            let mut full = true;
+            if dbg("REST_LS", 0.0) > 0.0 && system.contacts.any_features() { // DBG
+                self.best.clone_from(&system.position);
+                let slope = self.progress.step_energy;
+                let mut share = 1.0;
+                loop {
+                    self.take_step(system, elimination, share);
+                    let now = system.potential(elimination);
+                    if now <= potential - 1e-4 * share * slope + 1e-12 * potential.abs() || share < 1e-6 { break; }
+                    system.position.clone_from(&self.best);
+                    share *= 0.5;
+                }
+                if dbg("REST_TRACE", 0.0) > 0.0 && share < 1.0 { eprintln!("      share {share}"); }
+                full = share == 1.0;
+                ascents = 0;
+            } else { // DBG
             self.take_step(system, elimination, 1.0);
+            }
             let tolerance = if system.contacts.hold() { TOUCHING_TOLERANCE } else { TOLERANCE };
-            if self.progress.is_enough(tolerance) && !system.contacts.changed {
+            if full && self.progress.is_enough(tolerance) && !system.contacts.changed {
                 return true;
             }
         }
+        if dbg("REST_LS", 0.0) > 0.0 && system.contacts.any_features() { return false; } // DBG
         // The last step has not been looked at yet.
         if system.potential(elimination) > least {
             system.position.clone_from(&self.best);

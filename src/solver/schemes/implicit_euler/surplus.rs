@@ -83,6 +83,14 @@ impl Island {
         (kinetic + potential > allowed).then_some(allowed)
     }
 
+    pub(super) fn dbg_energy(&self, step: Step, particles: &Particles) -> [f64; 2] {
+        let motion = |node: usize| {
+            let slot = self.elimination.slots[node] as usize;
+            Motion { position: self.system.position[node], velocity: particles.velocity.get(slot).as_dvec3() }
+        };
+        self.energy(step, particles, motion)
+    }
+
     /// Takes what is more than the energy `allowed`, J, from a step that has been written back: goes back along it to where
     /// elements have no more than that, and slows the motion down.
     pub(super) fn shed(
@@ -110,6 +118,7 @@ impl Island {
             }
             potential = potential_at(&position, particles);
         }
+        if std::env::var("REST_DBG").is_ok() { eprintln!("  shed part {part} potential {potential} allowed {allowed}"); } // DBG
         if part < 1.0 {
             self.system.position = position;
             for node in free {
