@@ -181,7 +181,7 @@ impl Contact {
     }
 
     /// The gap at these positions, m, and the direction towards the particle.
-    fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
+    pub fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
         match &self.partner {
             Partner::Obstacle(obstacle) => obstacle.gap(self.point(position), self.radius),
             Partner::Node { node, normal, reach } => {
@@ -191,21 +191,6 @@ impl Contact {
                 ((self.point(position) + pinned).dot(*normal) - reach, *normal)
             }
         }
-    }
-
-    /// Takes the force that would stop it on its flight for that which friction goes by.
-    pub fn estimate_force(&mut self, flight: &[DVec3]) {
-        let (gap, _) = self.gap(flight);
-        self.lagged = (self.inertia * (self.allowed - gap)).max(0.0);
-    }
-
-    /// The work that its force does on what leaves an overlap, J, at most that of a speed of `longest` m a step.
-    pub fn recovery(&self, start: &[DVec3], longest: f64) -> f64 {
-        if self.force == 0.0 || !matches!(self.partner, Partner::Obstacle(_)) {
-            return 0.0;
-        }
-        let (gap, _) = self.gap(start);
-        (self.force * (-gap).max(0.0)).min(0.5 * self.inertia * longest * longest)
     }
 
     /// The way of the particle in the step, relative to what it touches, m.

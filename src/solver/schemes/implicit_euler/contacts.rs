@@ -39,7 +39,7 @@ const SOFTNESS: f64 = 1e-4;
 const STIFFENING: f64 = 1e3;
 
 /// Factor by which K grows from one solution to the next.
-const GROWTH: f64 = 30.0;
+pub(super) const GROWTH: f64 = 30.0;
 
 /// Number of solutions of a step in search of its contacts, at most.
 const MAX_PASSES: usize = 5;
@@ -74,11 +74,11 @@ const REACH: f64 = 4.0;
 pub(super) struct Contacts {
     pub(super) contacts: Vec<Contact>,
     /// K as a multiple of the inertia of the particle.
-    pub stiffness: f64,
+    stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
-    pub max_depth: f64,
+    max_depth: f64,
     /// Number of solutions so far.
-    pub passes: usize,
+    passes: usize,
     /// The same at most.
     pub(super) max_passes: usize,
     /// The slip below which friction is viscous, m.
@@ -152,7 +152,7 @@ impl Contacts {
         (self.changed, self.has_features) = (false, false);
         let free = 0..elimination.free;
         let longest = longest_way(free.clone(), start, flight);
-        (self.stiffness, self.passes, self.max_passes) = (super::newton::dbg("REST_K", STIFFENING), 0, MAX_PASSES);
+        (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
         self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
         self.reach = least_reach.max(REACH * longest);
@@ -231,11 +231,6 @@ impl Contacts {
         held.map(|contact| contact.node)
     }
 
-    /// Whether edges or faces may touch something between their corners.
-    pub fn any_features(&self) -> bool {
-        self.has_features
-    }
-
     /// Whether there may be any contact.
     pub fn any(&self) -> bool {
         !self.contacts.is_empty()
@@ -263,27 +258,10 @@ impl Contacts {
         let is_last = !self.any() || self.passes + 1 >= self.max_passes;
         match is_last {
             true if self.max_passes == MAX_SURFACE_PASSES => MAX_SURFACE_STEPS,
-            true => super::newton::dbg("REST_MAX", MAX_STEPS as f64) as usize,
-            false => super::newton::dbg("REST_STEPS", STEPS_OF_A_PASS as f64) as usize,
+            true => MAX_STEPS,
+            false if self.has_features => MAX_STEPS,
+            false => STEPS_OF_A_PASS,
         }
-    }
-
-    /// DBG
-    pub fn estimate(&mut self, flight: &[DVec3]) {
-        if !self.has_features || super::newton::dbg("REST_EST", 1.0) == 0.0 {
-            return;
-        }
-        for contact in &mut self.contacts {
-            contact.estimate_force(flight);
-        }
-    }
-
-    /// The work of what leaves an overlap, J.
-    pub fn recovery(&self, start: &[DVec3], h: f64) -> f64 {
-        if !self.has_features || super::newton::dbg("REST_WORK", 1.0) == 0.0 {
-            return 0.0;
-        }
-        self.contacts.iter().map(|contact| contact.recovery(start, RECOVERY_SPEED * h)).sum()
     }
 
     /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with
@@ -304,7 +282,7 @@ impl Contacts {
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
             // Many contacts of surfaces do the same: which of them hold is not found to the last one.
-            if (is_solved || super::newton::dbg("REST_MULT", 0.0) > 0.0) && !matches!(contact.partner, Partner::Surface { .. }) {
+            if is_solved && !matches!(contact.partner, Partner::Surface { .. }) {
                 contact.multiplier = contact.force;
             }
         }
@@ -314,19 +292,11 @@ impl Contacts {
                 any_harder |= contact.harden();
             }
         }
-        let mut is_deep = deepest > self.max_depth;
-        if self.has_features && super::newton::dbg("REST_PER", 1.0) > 0.0 {
-            let soft = super::newton::dbg("REST_SOFT", 1.0);
-            is_deep = false;
-            if is_solved {
-                for contact in &mut self.contacts {
-                    if contact.force > 0.0 && contact.depth.abs() > soft * self.max_depth && !matches!(contact.partner, Partner::Surface { .. }) {
-                        contact.hardness *= super::newton::dbg("REST_GROWTH", GROWTH);
-                        is_deep = true;
-                    }
-                }
-            }
-        } else if is_deep && (is_solved || super::newton::dbg("REST_KEEP", 0.0) == 0.0) {
+        let is_deep = match self.has_features {
+            true => is_solved && self.stiffen(self.max_depth),
+            false => deepest > self.max_depth,
+        };
+        if is_deep && !self.has_features {
             self.stiffness *= GROWTH;
         }
         let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
@@ -338,7 +308,8 @@ impl Contacts {
         self.contacts.iter().map(|contact| contact.energy(position, self.stiffness, self.creep)).sum()
     }
 
-    /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J.
+    /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J. `start` is where
+    /// the nodes were when the step began.
     pub fn linearise(&mut self, [position, start]: [&[DVec3]; 2], mut sums: Sums) -> f64 {
         let Self { contacts, stiffness, creep, mode, changed, .. } = self;
         *changed = false;
@@ -348,7 +319,7 @@ impl Contacts {
                 contact.send_back(*stiffness, &mut sums);
                 continue;
             }
-            if super::newton::dbg("REST_FOLLOW", 1.0) > 0.0 { contact.follow(position, start); }
+            contact.follow(position, start);
             let was_held = contact.force > 0.0;
             energy += contact.linearise(position, *stiffness, *creep, &mut sums);
             *changed |= was_held != (contact.force > 0.0);

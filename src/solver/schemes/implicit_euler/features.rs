@@ -1,16 +1,26 @@
 //! Edges and triangles of an island that touch colliders between their corners.
 //!
 //! Which point of them touches is found where the island would fly; from there on it follows (`follow.rs`).
+//!
+//! Where they touch, some dozens of contacts of a net are nearly closed at once, and most have a neighbour that could hold in their place.
+//! K therefore grows only where a solution has converged, and only that of contacts which are too deep in it, each with the force that
+//! it has had (a penalty for each constraint: Bertsekas, *Constrained Optimization and Lagrange Multiplier Methods*, 1982, section
+//! 2.2.5; of contacts: Simo and Laursen, *Computers & Structures* 42, 97, 1992). Of a light contact that is much stiffer than its force
+//! asks for, the error of a solution decides whether it holds. Friction begins with an estimate of the normal forces: without, what
+//! rests would slide in the first solution, and have to be brought back in the next.
 
 use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner};
-use super::contacts::{Contacts, Motion, RECOVERY_SPEED};
+use super::contacts::{Contacts, GROWTH, Motion, RECOVERY_SPEED};
 use super::follow::Followed;
 use super::{Island, Step};
 use crate::solver::collision::{Feature, Obstacle, Obstacles, Surroundings, sum, weigh};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
+
+/// The first estimate of a normal force, as a multiple of what would hold the contact alone: elements press it more than that.
+const ESTIMATE: f64 = 3.0;
 
 /// The edges and triangles of an island, by node: a cache.
 #[derive(Debug, Clone, Default)]
@@ -93,6 +103,55 @@ impl Contacts {
                 }
             });
         }
+    }
+}
+
+impl Contacts {
+    /// To be called when all contacts have been added: estimates the normal forces that friction goes by, where features may touch.
+    pub fn estimate_forces(&mut self, flight: &[DVec3]) {
+        if self.has_features {
+            for contact in &mut self.contacts {
+                let (gap, _) = contact.gap(flight);
+                contact.lagged = (ESTIMATE * contact.inertia * (contact.allowed - gap)).max(0.0);
+            }
+        }
+    }
+
+    /// Stiffens what an obstacle holds deeper than `allowed` m; whether there is any.
+    pub(super) fn stiffen(&mut self, allowed: f64) -> bool {
+        let mut any = false;
+        for contact in &mut self.contacts {
+            let is_obstacle = matches!(contact.partner, Partner::Obstacle(_) | Partner::Node { .. });
+            if is_obstacle && contact.force > 0.0 && contact.depth.abs() > allowed {
+                contact.hardness *= GROWTH;
+                any = true;
+            }
+        }
+        any
+    }
+
+    /// The work of obstacles on what leaves an overlap in a step of `h` seconds, J, where features touch; of each contact at most the
+    /// energy of the greatest speed at which it may leave.
+    pub fn recovery(&self, start: &[DVec3], h: f64) -> f64 {
+        let of = |contact: &Contact| {
+            if contact.force == 0.0 || !matches!(contact.partner, Partner::Obstacle(_)) {
+                return 0.0;
+            }
+            let (gap, _) = contact.gap(start);
+            let longest = RECOVERY_SPEED * h;
+            (contact.force * (-gap).max(0.0)).min(0.5 * contact.inertia * longest * longest)
+        };
+        if self.has_features { self.contacts.iter().map(of).sum() } else { 0.0 }
+    }
+
+    /// The free nodes of features that were held in the last linearisation.
+    pub fn held_feature_nodes(&self, free: usize) -> impl Iterator<Item = usize> {
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.followed.is_some());
+        let nodes = held.flat_map(|contact| {
+            let others = contact.others[..contact.count].iter().map(|(node, _)| *node);
+            others.chain([contact.node])
+        });
+        nodes.filter(move |node| *node < free)
     }
 }
 

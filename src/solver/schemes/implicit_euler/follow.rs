@@ -23,6 +23,10 @@ const STEPS: usize = 2;
 /// A step below this part of an edge is none: its square over the radius of curvature is far below any depth that counts.
 const NEGLIGIBLE: f64 = 1e-4;
 
+/// What is added to the curvature along an edge, as a part of its length (a proximal point: Rockafellar, *SIAM J. Control Optim.* 14,
+/// 877, 1976). What lies along a line of the surface is as deep everywhere: its point does not go from end to end for a turn by less.
+const INERTIA: f64 = 0.01;
+
 /// What is known of a feature whose point follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Followed {
@@ -65,10 +69,10 @@ impl Contact {
                 break;
             }
             let probe = |along: DVec2| (slopes(look(Place(at + PROBE * along)).1) - slope) / PROBE;
-            let along_first = probe(DVec2::X);
+            let along_first = probe(DVec2::X) + DVec2::X * (INERTIA * edges[0].length());
             let curvature = match is_edge {
                 true => [along_first, DVec2::Y],
-                false => [along_first, probe(DVec2::Y)],
+                false => [along_first, probe(DVec2::Y) + DVec2::Y * (INERTIA * edges[1].length())],
             };
             let step = step_within(at, slope, curvature, is_edge);
             if step.abs().max_element() < NEGLIGIBLE {

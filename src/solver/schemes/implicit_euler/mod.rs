@@ -241,21 +241,13 @@ impl Island {
             if obstacles.any_thin() {
                 contacts.add_features(&motion, features, (obstacles, surroundings));
             }
-            system.contacts.estimate(&system.flight);
-            if !surfaces.is_empty() || (newton::dbg("REST_LOW", 0.0) > 0.0 && system.contacts.has_features) {
+            contacts.estimate_forces(flight);
+            if !surfaces.is_empty() || contacts.has_features {
                 system.begin_low(elimination);
             }
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
-                if std::env::var("REST_DBG").is_ok() { // DBG
-                    let c = &system.contacts; // DBG
-                    let held = c.contacts.iter().filter(|c| c.force > 0.0).count(); // DBG
-                    let f: f64 = c.contacts.iter().map(|c| c.force).sum(); // DBG
-                    let dmin = c.contacts.iter().filter(|c| c.force > 0.0).map(|c| c.depth.abs()).fold(0.0, f64::max); // DBG
-                    let al = c.contacts.iter().map(|c| c.allowed).fold(0.0, f64::min); // DBG
-                    eprintln!("  pass {} solved {} iters {} contacts {} held {} changed {} K {:.1e} force {:.3e} deep {:.2e} allowed {:.2e} maxdepth {:.2e}", c.passes, is_solved, newton.dbg, c.contacts.len(), held, c.changed, c.stiffness, f, dmin, al, c.max_depth); // DBG
-                } // DBG
                 if !system.contacts.refine(&system.position, is_solved) {
                     break;
                 }
@@ -312,9 +304,6 @@ impl Island {
             self.finish_without_rebound(particles, acceleration, (&start, h));
             excess = self.excess(step, particles, before);
         }
-        if excess.is_some() && std::env::var("REST_DBG").is_ok() { // DBG
-            eprintln!("  excess: now {:?} W {:.2e} before {before:?} allowed {excess:?}", self.dbg_energy(step, particles), self.system.contacts.recovery(&self.system.start, h)); // DBG
-        } // DBG
         if let Some(allowed) = excess {
             self.shed(step, particles, acceleration, allowed);
         }

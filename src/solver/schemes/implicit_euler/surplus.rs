@@ -3,7 +3,8 @@
 //! A converged step dissipates: E' <= E for a convex potential. A step that has not converged may gain energy, as where a sheet on a
 //! curved collider has more contacts than Newton's method finds in its iterations, and the rebound, which is one linear solution from
 //! there, may gain many times the energy before. Then the rebound is left out. Where the elements alone have more energy than before, the
-//! step is shortened; the remaining excess is taken from the motion relative to the centre of mass, so that momentum is kept.
+//! step is shortened; the remaining excess is taken from the motion relative to the centre of mass, so that momentum is kept. What edges and
+//! faces gain as they are pushed out of an overlap is no excess: else what has got into one at rest would stay there.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -83,14 +84,6 @@ impl Island {
         (kinetic + potential > allowed).then_some(allowed)
     }
 
-    pub(super) fn dbg_energy(&self, step: Step, particles: &Particles) -> [f64; 2] {
-        let motion = |node: usize| {
-            let slot = self.elimination.slots[node] as usize;
-            Motion { position: self.system.position[node], velocity: particles.velocity.get(slot).as_dvec3() }
-        };
-        self.energy(step, particles, motion)
-    }
-
     /// Takes what is more than the energy `allowed`, J, from a step that has been written back: goes back along it to where
     /// elements have no more than that, and slows the motion down.
     pub(super) fn shed(
@@ -118,7 +111,6 @@ impl Island {
             }
             potential = potential_at(&position, particles);
         }
-        if std::env::var("REST_DBG").is_ok() { eprintln!("  shed part {part} potential {potential} allowed {allowed}"); } // DBG
         if part < 1.0 {
             self.system.position = position;
             for node in free {
