@@ -20,6 +20,9 @@ const PROBE: f64 = 1e-4;
 /// Number of steps of the weights in an iteration.
 const STEPS: usize = 2;
 
+/// Number of points that are tested along a step, at most: where the surface has edges, the first may be beyond the deepest one.
+const SEARCHES: usize = 5;
+
 /// A step below this part of an edge is none: its square over the radius of curvature is far below any depth that counts.
 const NEGLIGIBLE: f64 = 1e-4;
 
@@ -78,11 +81,23 @@ impl Contact {
             if step.abs().max_element() < NEGLIGIBLE {
                 break;
             }
-            let (new_gap, new_normal) = look(Place(at + step));
-            if new_gap.is_nan() || new_gap >= gap {
-                break;
-            }
-            (at, gap, normal, has_moved) = (at + step, new_gap, new_normal, true);
+            let rate = slope.dot(step);
+            let mut share = 1.0;
+            let found = (0..SEARCHES).find_map(|_| {
+                let place = at + share * step;
+                let (new_gap, new_normal) = look(Place(place));
+                if new_gap < gap {
+                    return Some((place, new_gap, new_normal));
+                }
+                // Where the slope along the step changes its sign, by a secant.
+                let beyond = slopes(new_normal).dot(step);
+                let part = if beyond > 0.0 { rate / (rate - beyond) } else { 0.5 };
+                share *= part.clamp(0.1, 0.9);
+                None
+            });
+            let Some(found) = found else { break };
+            (at, gap, normal) = found;
+            has_moved = true;
         }
         if !has_moved {
             return;
