@@ -96,10 +96,23 @@ impl Contacts {
             let seen = (slots[0], surroundings);
             obstacles.near_feature(seen, [from, to], radii, h, |obstacle, coefficients| {
                 let found = obstacle.deepest(feature.count, [from, to], radii, h);
-                if let Some((obstacle, weights)) = found {
+                let Some((met, weights)) = found else { return };
+                let is_swept = !met.is_curved();
+                let (_, facing) = met.gap(sum(to, weights), weigh(radii, weights));
+                let mut add = |obstacle: Obstacle, weights: [f64; 3]| {
                     let contact = feature_contact(motion, feature, obstacle, weights, coefficients);
                     self.has_features |= contact.is_some();
                     self.contacts.extend(contact);
+                };
+                add(met, weights);
+                // What is fast meets a plane on its way, at a point that is the deepest one there only; if it is not on the other side of
+                // the solid then, that follows.
+                let slow = is_swept.then(|| obstacle.deepest_of_slow(feature.count, [from, to], radii, h));
+                if let Some((solid, weights)) = slow.flatten() {
+                    let (_, normal) = solid.gap(sum(to, weights), weigh(radii, weights));
+                    if normal.dot(facing) > 0.0 {
+                        add(solid, weights);
+                    }
                 }
             });
         }
