@@ -76,9 +76,11 @@ pub(super) struct Contacts {
     /// K as a multiple of the inertia of the particle.
     stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
-    max_depth: f64,
+    pub(super) max_depth: f64,
     /// Number of solutions so far.
-    passes: usize,
+    pub(super) passes: usize,
+    /// Number of searches for contacts that were missed.
+    pub(super) searches: usize,
     /// The same at most.
     pub(super) max_passes: usize,
     /// The slip below which friction is viscous, m.

@@ -22,6 +22,15 @@ use crate::solver::state::Version;
 /// The first estimate of a normal force, as a multiple of what would hold the contact alone: elements press it more than that.
 const ESTIMATE: f64 = 3.0;
 
+/// The cosine of the angle between the normals on two sides of a solid, at most; round an edge it is about 0.
+const OPPOSITE: f64 = -0.5;
+
+/// Number of searches for contacts that a step has missed, at most.
+const MAX_SEARCHES: usize = 3;
+
+/// Number of solutions after each of them.
+const PASSES_OF_MISSED: usize = 2;
+
 /// The edges and triangles of an island, by node: a cache.
 #[derive(Debug, Clone, Default)]
 pub(super) struct IslandFeatures {
@@ -87,7 +96,8 @@ impl Contacts {
         (obstacles, surroundings): (&Obstacles, Surroundings),
     ) {
         let Motion { elimination, particles, start, flight, h, .. } = *motion;
-        for feature in &features.all {
+        self.searches = 0;
+        for (number, feature) in (0..).zip(&features.all) {
             let nodes = feature.corners.map(|node| node as usize);
             let slots = nodes.map(|node| elimination.slots[node] as usize);
             let radii = slots.map(|slot| f64::from(particles.radius()[slot]));
@@ -100,7 +110,7 @@ impl Contacts {
                 let is_swept = !met.is_curved();
                 let (_, facing) = met.gap(sum(to, weights), weigh(radii, weights));
                 let mut add = |obstacle: Obstacle, weights: [f64; 3]| {
-                    let contact = feature_contact(motion, feature, obstacle, weights, coefficients);
+                    let contact = feature_contact(motion, (number, feature), obstacle, weights, coefficients);
                     self.has_features |= contact.is_some();
                     self.contacts.extend(contact);
                 };
@@ -110,7 +120,7 @@ impl Contacts {
                 let slow = is_swept.then(|| obstacle.deepest_of_slow(feature.count, [from, to], radii, h));
                 if let Some((solid, weights)) = slow.flatten() {
                     let (_, normal) = solid.gap(sum(to, weights), weigh(radii, weights));
-                    if normal.dot(facing) > 0.0 {
+                    if normal.dot(facing) > OPPOSITE {
                         add(solid, weights);
                     }
                 }
@@ -120,6 +130,48 @@ impl Contacts {
 }
 
 impl Contacts {
+    /// To be called when a step has been solved: adds what is deep in an obstacle and has no contact, as it began beside it; whether there
+    /// is any, so that the step is to be solved again.
+    pub fn add_missed(
+        &mut self,
+        motion: &Motion,
+        position: &[DVec3],
+        features: &IslandFeatures,
+        (obstacles, surroundings): (&Obstacles, Surroundings),
+    ) -> bool {
+        if !self.has_features || self.searches == MAX_SEARCHES {
+            return false;
+        }
+        self.searches += 1;
+        let Motion { elimination, particles, start, .. } = *motion;
+        let known = self.contacts.len();
+        for (number, feature) in (0..).zip(&features.all) {
+            let nodes = feature.corners.map(|node| node as usize);
+            let slots = nodes.map(|node| elimination.slots[node] as usize);
+            let radii = slots.map(|slot| f64::from(particles.radius()[slot]));
+            let [from, to] = [nodes.map(|node| start[node]), nodes.map(|node| position[node])];
+            obstacles.near_feature((slots[0], surroundings), [to, to], radii, 0.0, |obstacle, coefficients| {
+                let Some((solid, weights)) = obstacle.deepest_of_slow(feature.count, [to, to], radii, 0.0) else { return };
+                let (gap, normal) = solid.gap(sum(to, weights), weigh(radii, weights));
+                // What came from the other side is held by a plane that it has met.
+                let came = solid.gap(sum(from, weights), 0.0).1;
+                let is_known = |contact: &Contact| {
+                    let number = contact.followed.is_some_and(|followed| followed.feature == number);
+                    number && matches!(&contact.partner, Partner::Obstacle(other) if other.partner == solid.partner)
+                };
+                if gap < -self.max_depth && came.dot(normal) > OPPOSITE && !self.contacts.iter().any(is_known) {
+                    let contact = feature_contact(motion, (number, feature), solid, weights, coefficients);
+                    self.contacts.extend(contact);
+                }
+            });
+        }
+        let any = self.contacts.len() > known;
+        if any {
+            self.passes = self.passes.min(self.max_passes.saturating_sub(PASSES_OF_MISSED));
+        }
+        any
+    }
+
     /// To be called when all contacts have been added: estimates the normal forces that friction goes by, where features may touch.
     pub fn estimate_forces(&mut self, flight: &[DVec3]) {
         if self.has_features {
@@ -170,7 +222,7 @@ impl Contacts {
 
 fn feature_contact(
     motion: &Motion,
-    feature: &Feature,
+    (number, feature): (u32, &Feature),
     obstacle: Obstacle,
     weights: [f64; 3],
     [restitution, friction]: [f64; 2],
@@ -203,7 +255,7 @@ fn feature_contact(
     let rest = (0..feature.count).filter(|place| *place != first);
     rest.zip(&mut own_radii[1..]).for_each(|(place, own)| *own = radii[place]);
     let carried = surface_way + h * obstacle.sliding();
-    let followed = obstacle.is_curved().then_some(Followed { radii: own_radii, carried });
+    let followed = obstacle.is_curved().then_some(Followed { feature: number, radii: own_radii, carried });
     Some(Contact {
         followed,
         weight: weights[first],

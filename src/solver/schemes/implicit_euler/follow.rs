@@ -33,6 +33,8 @@ const INERTIA: f64 = 0.01;
 /// What is known of a feature whose point follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Followed {
+    /// The number of the feature in its island.
+    pub feature: u32,
     /// At its corners, that of the contact's node first, m.
     pub radii: [f64; 3],
     /// The displacement of the surface in the step, m.
@@ -144,4 +146,30 @@ fn step_within(at: DVec2, slope: DVec2, [first, second]: [DVec2; 2], is_edge: bo
     }
     let borders = [along(-at, DVec2::X), along(-at, DVec2::Y), along(DVec2::X - at, DVec2::Y - DVec2::X)];
     borders.into_iter().fold(DVec2::ZERO, |best, step| if model(step) < model(best) { step } else { best })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No place of a fine grid is lower than that at which the step ends, which is one of the triangle.
+    #[test]
+    fn a_step_ends_at_the_least_of_the_quadratic_within_the_triangle() {
+        let at = DVec2::new(0.3, 0.2);
+        for number in 0..200_u32 {
+            let part = |scale: u32| f64::from(number * scale % 101) / 50.5 - 1.0;
+            let slope = DVec2::new(part(13), part(29));
+            let (x, y, across) = (1.5 + part(37), 1.5 + part(53), 0.4 * part(71));
+            let model = |step: DVec2| {
+                slope.dot(step) + 0.5 * (x * step.x * step.x + y * step.y * step.y) + across * step.x * step.y
+            };
+            let step = step_within(at, slope, [DVec2::new(x, across), DVec2::new(across, y)], false);
+            let end = at + step;
+            assert!(end.min_element() > -1e-12 && end.x + end.y < 1.0 + 1e-12, "{number}: {end}");
+            for (i, j) in (0..=40_u8).flat_map(|i| (0..=40 - i).map(move |j| (i, j))) {
+                let place = DVec2::new(f64::from(i), f64::from(j)) / 40.0;
+                assert!(model(step) <= model(place - at) + 1e-9, "{number}: {place} is lower than {end}");
+            }
+        }
+    }
 }

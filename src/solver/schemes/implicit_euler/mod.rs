@@ -248,7 +248,12 @@ impl Island {
             loop {
                 let max_steps = system.contacts.max_steps();
                 let is_solved = newton.minimise(system, elimination, max_steps);
-                if !system.contacts.refine(&system.position, is_solved) {
+                let System { start, flight, inertia, contacts, position, .. } = &mut *system;
+                let motion = Motion { elimination, particles, start, flight, inertia, h };
+                let around = (obstacles, surroundings);
+                if !contacts.refine(position, is_solved)
+                    && !contacts.add_missed(&motion, position, features, around)
+                {
                     break;
                 }
             }
