@@ -241,6 +241,9 @@ impl Contact {
         }
         let along = if self.force > 0.0 { stiffness } else { 0.0 };
         self.add(normal * self.force + friction.force, [along, friction.stiffness], sums);
+        if self.force > 0.0 {
+            self.add_turning(sums);
+        }
         0.5 * self.force * self.force / stiffness + friction.energy
     }
 

@@ -39,7 +39,7 @@ const SOFTNESS: f64 = 1e-4;
 const STIFFENING: f64 = 1e3;
 
 /// Factor by which K grows from one solution to the next.
-pub(super) const GROWTH: f64 = 30.0;
+const GROWTH: f64 = 30.0;
 
 /// Number of solutions of a step in search of its contacts, at most.
 const MAX_PASSES: usize = 5;
@@ -295,7 +295,7 @@ impl Contacts {
             }
         }
         let is_deep = match self.has_features {
-            true => is_solved && self.stiffen(self.max_depth),
+            true => is_solved && self.stiffen(),
             false => deepest > self.max_depth,
         };
         if is_deep && !self.has_features {

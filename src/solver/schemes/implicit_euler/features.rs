@@ -12,8 +12,8 @@
 use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner};
-use super::contacts::{Contacts, GROWTH, Motion, RECOVERY_SPEED};
-use super::follow::Followed;
+use super::contacts::{Contacts, Motion, RECOVERY_SPEED};
+use super::follow::{Followed, KEPT};
 use super::{Island, Step};
 use crate::solver::collision::{Feature, Obstacle, Obstacles, Surroundings, sum, weigh};
 use crate::solver::particles::Particles;
@@ -21,6 +21,12 @@ use crate::solver::state::Version;
 
 /// The first estimate of a normal force, as a multiple of what would hold the contact alone: elements press it more than that.
 const ESTIMATE: f64 = 3.0;
+
+/// What may be left of a depth, as a multiple of that of single particles.
+const SOFTNESS: f64 = 10.0;
+
+/// Factor by which K of what is deeper grows.
+const GROWTH: f64 = 10.0;
 
 /// The cosine of the angle between the normals on two sides of a solid, at most; round an edge it is about 0.
 const OPPOSITE: f64 = -0.5;
@@ -159,7 +165,7 @@ impl Contacts {
                     let number = contact.followed.is_some_and(|followed| followed.feature == number);
                     number && matches!(&contact.partner, Partner::Obstacle(other) if other.partner == solid.partner)
                 };
-                if gap < -self.max_depth && came.dot(normal) > OPPOSITE && !self.contacts.iter().any(is_known) {
+                if gap < -SOFTNESS * self.max_depth && came.dot(normal) > OPPOSITE && !self.contacts.iter().any(is_known) {
                     let contact = feature_contact(motion, (number, feature), solid, weights, coefficients);
                     self.contacts.extend(contact);
                 }
@@ -182,8 +188,9 @@ impl Contacts {
         }
     }
 
-    /// Stiffens what an obstacle holds deeper than `allowed` m; whether there is any.
-    pub(super) fn stiffen(&mut self, allowed: f64) -> bool {
+    /// Stiffens what an obstacle holds too deep; whether there is any.
+    pub(super) fn stiffen(&mut self) -> bool {
+        let allowed = SOFTNESS * self.max_depth;
         let mut any = false;
         for contact in &mut self.contacts {
             let is_obstacle = matches!(contact.partner, Partner::Obstacle(_) | Partner::Node { .. });
@@ -255,7 +262,12 @@ fn feature_contact(
     let rest = (0..feature.count).filter(|place| *place != first);
     rest.zip(&mut own_radii[1..]).for_each(|(place, own)| *own = radii[place]);
     let carried = surface_way + h * obstacle.sliding();
-    let followed = obstacle.is_curved().then_some(Followed { feature: number, radii: own_radii, carried });
+    let followed = obstacle.is_curved().then_some(Followed {
+        feature: number,
+        radii: own_radii,
+        carried,
+        curvature: KEPT,
+    });
     Some(Contact {
         followed,
         weight: weights[first],

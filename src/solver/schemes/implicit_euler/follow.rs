@@ -12,7 +12,11 @@
 
 use bevy::math::{DVec2, DVec3};
 
-use super::contact::{Contact, Partner};
+use super::block::Symmetric;
+use super::contact::{Contact, Partner, Sums};
+use super::system::Compound;
+use crate::solver::elements::MAX_ENDS;
+use crate::solver::graph::Linked;
 
 /// The distance between the points whose normals say how the surface curves, as a part of an edge.
 const PROBE: f64 = 1e-4;
@@ -39,7 +43,12 @@ pub(super) struct Followed {
     pub radii: [f64; 3],
     /// The displacement of the surface in the step, m.
     pub carried: DVec3,
+    /// The second derivatives of the gap along the edges from the first corner, m: xx, yy and xy; infinite where the point is kept.
+    pub curvature: [f64; 3],
 }
+
+/// Where the point of a feature is kept.
+pub(super) const KEPT: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
 
 /// A point of a feature: its place along the edges from the first corner to the others, 0 to 1.
 #[derive(Clone, Copy)]
@@ -64,7 +73,7 @@ impl Contact {
         };
         let mut at = DVec2::new(self.others[0].1, if is_edge { 0.0 } else { self.others[1].1 });
         let (mut gap, mut normal) = look(Place(at));
-        let mut has_moved = false;
+        let (mut has_moved, mut bends) = (false, KEPT);
         for _ in 0..STEPS {
             let slope = slopes(normal);
             // The tangent plane there is below all of a convex surface.
@@ -79,6 +88,7 @@ impl Contact {
                 true => [along_first, DVec2::Y],
                 false => [along_first, probe(DVec2::Y) + DVec2::Y * (INERTIA * edges[1].length())],
             };
+            bends = [curvature[0].x, curvature[1].y, 0.5 * (curvature[0].y + curvature[1].x)];
             let step = step_within(at, slope, curvature, is_edge);
             if step.abs().max_element() < NEGLIGIBLE {
                 break;
@@ -101,6 +111,7 @@ impl Contact {
             (at, gap, normal) = found;
             has_moved = true;
         }
+        self.followed = Some(Followed { curvature: bends, ..followed });
         if !has_moved {
             return;
         }
@@ -108,6 +119,48 @@ impl Contact {
         (self.others[0].1, self.others[1].1) = (at.x, at.y);
         self.radius = radii[0] + thickening[0] * at.x + thickening[1] * at.y;
         self.origin = self.point(start) + followed.carried;
+    }
+}
+
+impl Contact {
+    /// Adds the stiffness by which a feature resists being turned about the point that touches: the point goes to the side that comes
+    /// nearer, by the slopes C there over the curvature G, so that the second derivatives of the gap have a part −Cᵀ G⁻¹ C, and those of
+    /// the energy one of +N Cᵀ G⁻¹ C. On a ball of radius R that is N R/l² for an edge of length l: more than the inertia of small ones.
+    pub fn add_turning(&self, sums: &mut Sums) {
+        let Some(Followed { curvature: [xx, yy, xy], .. }) = self.followed else { return };
+        let (first, second) = (self.others[0].1, self.others[1].1);
+        let mut add = |[x, y]: [f64; 2], bend: f64| {
+            if !(bend > 0.0 && bend.is_finite()) {
+                return;
+            }
+            let mut nodes = [self.node as u32; MAX_ENDS];
+            let mut weights = [0.0; MAX_ENDS];
+            weights[..3].copy_from_slice(&[-x - y, x, y]);
+            for (node, (other, _)) in nodes[1..].iter_mut().zip(&self.others[..self.count]) {
+                *node = *other as u32;
+            }
+            let nodes = Linked::new(u32::MAX, &nodes[..=self.count]);
+            let block = Symmetric::uniaxial(self.normal, self.force / bend, 0.0);
+            sums.compounds.push(Compound { nodes, weights, block });
+        };
+        let is_inner = |weight: f64| weight > 0.0;
+        if self.count == 1 {
+            if is_inner(first) && is_inner(self.weight) {
+                add([1.0, 0.0], xx);
+            }
+            return;
+        }
+        match [is_inner(self.weight), is_inner(first), is_inner(second)] {
+            [true, true, true] if xx.is_finite() => {
+                add([1.0, 0.0], xx);
+                add([-xy / xx, 1.0], yy - xy * xy / xx);
+            }
+            // On the border it goes along it.
+            [true, true, false] => add([1.0, 0.0], xx),
+            [true, false, true] => add([0.0, 1.0], yy),
+            [false, true, true] => add([-1.0, 1.0], xx + yy - 2.0 * xy),
+            _ => {}
+        }
     }
 }
 
@@ -163,6 +216,7 @@ mod tests {
             let model = |step: DVec2| {
                 slope.dot(step) + 0.5 * (x * step.x * step.x + y * step.y * step.y) + across * step.x * step.y
             };
+            bends = [curvature[0].x, curvature[1].y, 0.5 * (curvature[0].y + curvature[1].x)];
             let step = step_within(at, slope, [DVec2::new(x, across), DVec2::new(across, y)], false);
             let end = at + step;
             assert!(end.min_element() > -1e-12 && end.x + end.y < 1.0 + 1e-12, "{number}: {end}");
