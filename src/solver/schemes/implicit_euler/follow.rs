@@ -216,7 +216,6 @@ mod tests {
             let model = |step: DVec2| {
                 slope.dot(step) + 0.5 * (x * step.x * step.x + y * step.y * step.y) + across * step.x * step.y
             };
-            bends = [curvature[0].x, curvature[1].y, 0.5 * (curvature[0].y + curvature[1].x)];
             let step = step_within(at, slope, [DVec2::new(x, across), DVec2::new(across, y)], false);
             let end = at + step;
             assert!(end.min_element() > -1e-12 && end.x + end.y < 1.0 + 1e-12, "{number}: {end}");
