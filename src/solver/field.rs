@@ -98,6 +98,7 @@ impl AirLoad {
         }
     }
 
+    #[inline]
     fn filament(&self, slot: usize) -> Option<&FilamentLoad> {
         let place = self.filaments.binary_search_by_key(&(slot as u32), |load| load.slot).ok()?;
         Some(&self.filaments[place])
@@ -111,6 +112,7 @@ impl<'a> Field<'a> {
     }
 
     /// What the air does to the particle in a slot, if filaments end there.
+    #[inline]
     pub fn filament(&self, slot: usize) -> Option<&'a FilamentLoad> {
         self.air.and_then(|air| air.filament(slot))
     }
@@ -122,6 +124,7 @@ impl<'a> Field<'a> {
     }
 
     /// The same without what filaments add, D u.
+    #[inline]
     pub fn acceleration_without_filaments(&self, slot: usize) -> DVec3 {
         let push = self.air.map(|air| air.push.get(slot).as_dvec3());
         let even = self.gravity.as_dvec3() + push.unwrap_or(DVec3::ZERO);
@@ -132,6 +135,7 @@ impl<'a> Field<'a> {
 
     /// How fast the medium and the air stop the particle in a slot, of this inverse mass (1/kg), in all directions alike,
     /// 1/s.
+    #[inline]
     pub fn decay_rate(&self, slot: usize, inverse_mass: f64) -> f64 {
         f64::from(self.viscosity) * inverse_mass
             + self.air.map_or(0.0, |air| f64::from(air.rate[slot]))
@@ -139,12 +143,14 @@ impl<'a> Field<'a> {
     }
 
     /// The same of one of this mass, as a drag, N·s/m.
+    #[inline]
     pub fn drag(&self, slot: usize, mass: f64) -> f64 {
         f64::from(self.viscosity)
             + self.air.map_or(0.0, |air| mass * f64::from(air.rate[slot]))
             + mass * self.face_rate(slot)
     }
 
+    #[inline]
     fn face_rate(&self, slot: usize) -> f64 {
         self.filament(slot).map_or(0.0, |load| load.face_rate.into())
     }
@@ -211,6 +217,7 @@ impl<'a> Field<'a> {
     }
 
     /// The same without filaments.
+    #[inline]
     pub fn velocity_without_filaments(
         &self,
         particles: &Particles,

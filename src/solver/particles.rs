@@ -24,10 +24,17 @@ impl PinnedMotion {
     #[inline]
     pub(super) fn at(&self, elapsed: f32, time_step: f32) -> [Vec3; 2] {
         let Self { start, target, .. } = *self;
+        if self.stands_still() {
+            return [if elapsed == 1.0 { target } else { start }, Vec3::ZERO];
+        }
         let position = if elapsed == 1.0 { target } else { start.lerp(target, elapsed) };
-        let way = target - start;
-        // Zero divided is zero: most stand still, and a division takes long.
-        [position, if way == Vec3::ZERO { way } else { way / time_step }]
+        [position, (target - start) / time_step]
+    }
+
+    /// Whether it ends where it starts, as most do: where the particle is, to the bit, all the time.
+    #[inline]
+    pub(super) fn stands_still(&self) -> bool {
+        self.start == self.target
     }
 }
 

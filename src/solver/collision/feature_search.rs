@@ -390,7 +390,6 @@ impl Search<'_> {
             impulse: 0.0,
             given: Given::default(),
             key,
-            before: Given::default(),
         })
     }
 }

@@ -321,14 +321,14 @@ impl ContactCaches {
                 let carries = self.surfaces[contact.plane].normal.dot(up) > 0.0;
                 body.supported |= carries;
                 body.carried |= carries;
-                body.holds += 1;
+                body.hold();
             }
             for touch in &self.touches.all {
                 let body = &mut self.bodies[touch.bodies[0] as usize];
                 let carries = touch.normal.dot(up) > 0.0;
                 body.supported |= carries;
                 body.carried |= carries;
-                body.holds += 1;
+                body.hold();
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
             let sides = (up, settings.is_flat);

@@ -145,7 +145,9 @@ impl Search<'_> {
         bodies[first].supported |= supports;
         bodies[first].carried |= carries;
         for body in [first, second] {
-            bodies[body].holds += u32::from(resting);
+            if resting {
+                bodies[body].hold();
+            }
             bodies[body].touching = bodies[body].touching.saturating_add(1);
         }
         Some(PairContact {

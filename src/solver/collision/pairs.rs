@@ -55,6 +55,9 @@ pub(super) struct PairContact {
     pub sprung: bool,
 }
 
+/// Piles read and write all contacts several times in a substep.
+const _: () = assert!(size_of::<PairContact>() == 64);
+
 impl PairContact {
     /// The upper particle's place among the bodies of the group.
     #[inline]
@@ -246,7 +249,7 @@ fn separate(contacts: &[PairContact], rules: PairRules, bodies: &mut [Body], rec
         // The normal stays as it was found: a particle lifted past the centre of the next is still below it.
         let distance = (first.position - second.position).dot(contact.normal);
         let depth = reach - distance;
-        let shared = contact.resting && first.holds + second.holds > 2;
+        let shared = contact.resting && u16::from(first.holds) + u16::from(second.holds) > 2;
         let (allowed, part) = if shared { (RESTING_OVERLAP * reach, RESTING_CORRECTION) } else { (0.0, 1.0) };
         let kept = if contact.resting && first.held && second.held { HELD_OVERLAP * reach } else { allowed };
         if depth <= kept {

@@ -333,7 +333,7 @@ mod tests {
             assert_eq!((pairs.len(), bodies.len()), (group.pairs.len(), group.bodies.len()));
             group.contacts = pairs.len();
             for body in bodies {
-                body.holds += 1;
+                body.hold();
             }
         });
         assert_eq!(groups.contacts(), 30_000);

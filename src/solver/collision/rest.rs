@@ -19,7 +19,7 @@ const STILL_ERROR: f32 = 0.002;
 const CREEPING_SPEED: f32 = 0.1;
 
 /// Number of contacts that, at least, hold a jammed particle: fewer leave it free to slide or roll.
-const JAMMING_CONTACTS: u32 = 3;
+const JAMMING_CONTACTS: u8 = 3;
 
 /// The velocity that is left uncorrected in a resting contact, as a part of what gravity gives in a substep.
 pub(super) fn tolerated_error(settings: &StepSettings) -> f32 {

@@ -10,7 +10,7 @@
 //! coherence*, GDC 2005): no point leaves the surface because it was pushed twice. Within a tick the iteration starts from the impulses of
 //! the substep before, each bounded by the impulse that the point would need alone.
 
-use bevy::math::Vec3A;
+use bevy::math::{Vec3, Vec3A};
 
 use super::bodies::Body;
 use super::response::{shortened, tangential};
@@ -47,21 +47,21 @@ pub(super) struct Touch {
     pub mass: f32,
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
+    /// Used only where contacts may take back what they have given too much.
     pub given: Given,
-    /// What names it among those of the substep before, and what it did then.
+    /// What names it among those of the substep before.
     pub key: u64,
-    pub before: Given,
 }
 
-/// What a contact has done so far in this substep.
+/// What a contact has done so far in this substep; until it starts, what it did in the substep before.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Given {
     /// Change of the velocity along the normal, m/s, >= 0, and by friction.
     velocity: f32,
-    rubbed: Vec3A,
+    rubbed: Vec3,
     /// The same of the position, m.
     depth: f32,
-    held: Vec3A,
+    held: Vec3,
 }
 
 /// Gives each contact what it did in the substep before, of which `last` has the keys in the same order.
@@ -70,7 +70,7 @@ pub(super) fn recall(touches: &mut [Touch], last: &[(u64, Given)]) {
     for touch in touches {
         while last.next_if(|(key, _)| *key < touch.key).is_some() {}
         if let Some((_, before)) = last.next_if(|(key, _)| *key == touch.key) {
-            touch.before = *before;
+            touch.given = *before;
         }
     }
 }
@@ -101,20 +101,19 @@ impl Touch {
     /// Gives the point its velocity after the contact, unless it moves away already, and friction; by how much the velocity along
     /// the normal changes, m/s. It `takes_back` what iterations before have given too much.
     pub fn solve_velocity(&mut self, bodies: &mut [Body], takes_back: bool) -> f32 {
-        if !takes_back {
-            self.given = Given::default();
-        }
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
-        let given = self.given.velocity;
-        let change = (self.target_velocity - relative.dot(self.normal)).max(-given);
-        if change.is_nan() || given + change <= 0.0 && given <= 0.0 {
+        let given = if takes_back { self.given } else { Given::default() };
+        let change = (self.target_velocity - relative.dot(self.normal)).max(-given.velocity);
+        let velocity = given.velocity + change;
+        if change.is_nan() || velocity <= 0.0 && given.velocity <= 0.0 {
             return 0.0;
         }
-        self.given.velocity = given + change;
-        let rubbed = self.given.rubbed - tangential(relative, self.normal);
-        let rubbed = shortened(rubbed, self.friction * self.given.velocity);
-        let change_of_velocity = self.normal * change + (rubbed - self.given.rubbed);
-        self.given.rubbed = rubbed;
+        let old = Vec3A::from(given.rubbed);
+        let rubbed = shortened(old - tangential(relative, self.normal), self.friction * velocity);
+        let change_of_velocity = self.normal * change + (rubbed - old);
+        if takes_back {
+            (self.given.velocity, self.given.rubbed) = (velocity, rubbed.into());
+        }
         self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         self.impulse += change * self.mass;
         change.abs()
@@ -123,11 +122,12 @@ impl Touch {
     /// Begins with the impulse of the substep before.
     pub fn start_velocity(&mut self, bodies: &mut [Body]) {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
-        let change = self.before.velocity.min(self.target_velocity - relative.dot(self.normal));
+        let Given { velocity, rubbed, .. } = self.given;
+        (self.given.velocity, self.given.rubbed) = Default::default();
+        let change = velocity.min(self.target_velocity - relative.dot(self.normal));
         if change > 0.0 {
-            let rubbed = tangential(self.before.rubbed, self.normal);
-            let rubbed = shortened(rubbed, self.friction * change);
-            (self.given.velocity, self.given.rubbed) = (change, rubbed);
+            let rubbed = shortened(tangential(rubbed.into(), self.normal), self.friction * change);
+            (self.given.velocity, self.given.rubbed) = (change, rubbed.into());
             self.impulse = change * self.mass;
             let change_of_velocity = self.normal * change + rubbed;
             self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
@@ -151,10 +151,12 @@ impl Touch {
 
     /// Begins with the correction of the substep before.
     pub fn start_position(&mut self, bodies: &mut [Body]) {
-        let depth = self.before.depth.min(self.depth_among(bodies));
+        let Given { depth, held, .. } = self.given;
+        (self.given.depth, self.given.held) = Default::default();
+        let depth = depth.min(self.depth_among(bodies));
         if depth > 0.0 {
-            let held = shortened(tangential(self.before.held, self.normal), self.friction * depth);
-            (self.given.depth, self.given.held) = (depth, held);
+            let held = shortened(tangential(held.into(), self.normal), self.friction * depth);
+            (self.given.depth, self.given.held) = (depth, held.into());
             let correction = self.normal * depth + held;
             self.each(bodies, |body, share| body.position += correction * share);
         }
@@ -178,22 +180,22 @@ impl Touch {
 
     /// Puts the point back onto the surface; static friction, back to where it stuck.
     pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32, takes_back: bool) {
-        if !takes_back {
-            self.given = Given::default();
-        }
-        let given = self.given.depth;
-        let depth = self.depth_among(bodies).max(-given);
-        if depth.is_nan() || given + depth <= 0.0 && given <= 0.0 {
+        let given = if takes_back { self.given } else { Given::default() };
+        let change = self.depth_among(bodies).max(-given.depth);
+        let depth = given.depth + change;
+        if change.is_nan() || depth <= 0.0 && given.depth <= 0.0 {
             return;
         }
-        self.given.depth = given + depth;
-        let mut correction = self.normal * depth;
+        let mut correction = self.normal * change;
+        let mut held = Vec3A::from(given.held);
         if self.friction > 0.0 {
             let slip = self.sum(bodies, Body::moved) - self.surface_velocity * substep;
-            let held = self.given.held - tangential(slip, self.normal);
-            let held = shortened(held, self.friction * self.given.depth);
-            correction += held - self.given.held;
-            self.given.held = held;
+            let old = held;
+            held = shortened(old - tangential(slip, self.normal), self.friction * depth);
+            correction += held - old;
+        }
+        if takes_back {
+            (self.given.depth, self.given.held) = (depth, held.into());
         }
         self.each(bodies, |body, share| body.position += correction * share);
     }

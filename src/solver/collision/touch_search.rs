@@ -67,6 +67,7 @@ pub(super) struct Touches {
 struct Part {
     /// Its first slot.
     start: usize,
+    /// Where threads share the parts.
     touches: Vec<Touch>,
     sensed: Vec<(u32, u32)>,
     /// Where swept particles are put, m.
@@ -117,30 +118,19 @@ impl Touches {
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(count.div_ceil(size), Part::default);
         let Self { all, sensed, parts, .. } = self;
-        let mut collect = |part: &mut Part| {
-            all.append(&mut part.touches);
-            sensed.append(&mut part.sensed);
-        };
-        let is_shared = parallel::is_shared(count >= MIN_SHARED);
         let starts = (0..count).step_by(size);
-        if is_shared {
-            parallel::for_each(parts.iter_mut().zip(starts), true, |(part, start)| {
-                part.find(search, start..count.min(start + size));
+        let ranges = starts.map(|start| start..count.min(start + size));
+        if parallel::is_shared(count >= MIN_SHARED) {
+            parallel::for_each(parts.iter_mut().zip(ranges), true, |(part, slots)| {
+                let mut touches = std::mem::take(&mut part.touches);
+                part.find(search, slots, &mut touches);
+                part.touches = touches;
             });
-            parts.iter_mut().for_each(collect);
-            return;
+            parts.iter_mut().for_each(|part| all.append(&mut part.touches));
+        } else {
+            parts.iter_mut().zip(ranges).for_each(|(part, slots)| part.find(search, slots, all));
         }
-        // One buffer for all of them, which so stays in the first caches.
-        let mut buffer = parts.first_mut().map(|part| std::mem::take(&mut part.touches)).unwrap_or_default();
-        for (part, start) in parts.iter_mut().zip(starts) {
-            std::mem::swap(&mut buffer, &mut part.touches);
-            part.find(search, start..count.min(start + size));
-            collect(part);
-            std::mem::swap(&mut buffer, &mut part.touches);
-        }
-        if let Some(part) = parts.first_mut() {
-            part.touches = buffer;
-        }
+        parts.iter_mut().for_each(|part| sensed.append(&mut part.sensed));
     }
 
     /// Puts those back that would have passed through a collider.
@@ -159,7 +149,7 @@ impl Touches {
 }
 
 impl Part {
-    fn find(&mut self, search: Search, slots: std::ops::Range<usize>) {
+    fn find(&mut self, search: Search, slots: std::ops::Range<usize>, touches: &mut Vec<Touch>) {
         let mut near = std::mem::take(&mut self.near);
         self.start = slots.start;
         for start in slots.clone().step_by(CHUNK) {
@@ -175,7 +165,7 @@ impl Part {
                 }
                 let own = search.bounds_of_one(slot);
                 if near.iter().any(|place| search.placed.bounds[*place as usize].overlaps(&own)) {
-                    self.look_at(search, slot, &near, &own, is_implicit);
+                    self.look_at(search, slot, (&near, &own, is_implicit), touches);
                 }
             }
         }
@@ -183,7 +173,13 @@ impl Part {
     }
 
     /// Finds what one particle meets.
-    fn look_at(&mut self, search: Search, slot: usize, near: &[u32], own: &Bounds, is_implicit: bool) {
+    fn look_at(
+        &mut self,
+        search: Search,
+        slot: usize,
+        (near, own, is_implicit): (&[u32], &Bounds, bool),
+        touches: &mut Vec<Touch>,
+    ) {
         let Search { colliders, placed, particles, previous, skins, .. } = search;
         let skin = skin_of(skins, slot);
         let radius = f64::from(particles.radius()[slot]);
@@ -221,7 +217,7 @@ impl Part {
             self.moved.push((slot as u32, position));
         }
         let meetings = || swept.iter().flat_map(|(meetings, _)| meetings.iter().flatten());
-        meetings().for_each(|meeting| self.touches.push(search.touch(slot, *meeting, position)));
+        touches.extend(meetings().map(|meeting| search.touch(slot, *meeting, position)));
         for place in solid().filter(|place| meetings().all(|meeting| meeting.place != *place)) {
             let to = placed.moments[place].to;
             let Some(nearest) = self.nearest(search, slot, place, position) else { continue };
@@ -230,11 +226,8 @@ impl Part {
             let depth = radius - nearest.distance;
             if depth >= -rounding(position, radius, foot) {
                 let depth = depth.max(0.0);
-                self.touches.push(search.touch(
-                    slot,
-                    Meeting { place, foot, normal, depth, left: 0.0 },
-                    position,
-                ));
+                let meeting = Meeting { place, foot, normal, depth, left: 0.0 };
+                touches.push(search.touch(slot, meeting, position));
             }
         }
     }
@@ -390,7 +383,6 @@ impl Search<'_> {
             impulse: 0.0,
             given: Given::default(),
             key: (slot as u64) << 32 | u64::from(number),
-            before: Given::default(),
         }
     }
 }

@@ -139,7 +139,7 @@ fn sorted_entries<const N: usize>(
         for (place, &block) in found.iter().enumerate() {
             let Some(number) = block.filter(|_| !found[..place].contains(&block)) else { continue };
             entries[number].push(BendEntry {
-                tile: layout.tile_of(ends[0]),
+                span: layout.span_of(ends[0]),
                 owned: found.map(|other| other == block),
                 offsets,
                 first: ends[0],

@@ -1,7 +1,5 @@
 //! The bends of one block of particles that the kernel takes eight at a time.
 
-use std::ops::Range;
-
 use super::block::{Loose, MIN_RUN};
 use crate::solver::elements::{Bend, for_each_bend};
 
@@ -20,8 +18,8 @@ pub(in crate::solver) struct BendRun<const N: usize> {
     pub count: u32,
     /// Where their parameters begin in the list.
     pub start: u32,
-    /// The places of the run at which there is no bend.
-    pub holes: Vec<Range<u32>>,
+    /// The places of the run at which there is no bend, in ascending order.
+    pub holes: Vec<u32>,
     /// Whether the block owns each of the ends.
     pub owned: [bool; N],
     /// The weights, if they are those of all its bends: less to read.
@@ -81,7 +79,7 @@ impl<const N: usize> Default for BendList<N> {
 /// A bend of a block, in the order of sorting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct BendEntry<const N: usize> {
-    pub tile: u32,
+    pub span: u32,
     pub owned: [bool; N],
     /// The slots of all ends, from the first one.
     pub offsets: [i32; N],
@@ -92,7 +90,7 @@ pub(super) struct BendEntry<const N: usize> {
 impl<const N: usize> BendEntry<N> {
     /// Number of places between this bend and the next, if both may be in one run; `None` of two on the same ends.
     fn hole_before(&self, next: &Self) -> Option<u32> {
-        let are_alike = (self.tile, self.owned, self.offsets) == (next.tile, next.owned, next.offsets);
+        let are_alike = (self.span, self.owned, self.offsets) == (next.span, next.owned, next.offsets);
         next.first.checked_sub(self.first + 1).filter(|_| are_alike)
     }
 
@@ -139,8 +137,8 @@ impl<const N: usize> BendList<N> {
         mut place: impl FnMut(u32, usize),
     ) {
         let consecutive = |one: &BendEntry<N>, next: &BendEntry<N>| {
-            (one.tile, one.owned, one.offsets, one.first + 1)
-                == (next.tile, next.owned, next.offsets, next.first)
+            (one.span, one.owned, one.offsets, one.first + 1)
+                == (next.span, next.owned, next.offsets, next.first)
         };
         let groups = || entries.chunk_by(consecutive);
         let mut last: Option<&BendEntry<N>> = None;
@@ -149,7 +147,7 @@ impl<const N: usize> BendList<N> {
             let hole = last.and_then(|last| last.hole_before(entry)).filter(|hole| *hole <= MAX_HOLE);
             match (hole, self.runs.last_mut()) {
                 (Some(hole), Some(run)) => {
-                    run.holes.push(run.count..run.count + hole);
+                    run.holes.extend(run.count..run.count + hole);
                     let nothing = Bend { weights: [0.0; N], ..Bend::default() };
                     (0..hole).for_each(|_| self.push(nothing));
                 }
@@ -173,7 +171,57 @@ impl<const N: usize> BendList<N> {
     }
 }
 
+/// A run of bends x₀ + x₁ − x₂ − x₃ of the corners of parallelograms, flat at rest and all of one stiffness: the twists of a
+/// regular grid, and its hinges.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::solver) struct Parallelograms<'a> {
+    /// The first of the lowest slots.
+    pub lowest: usize,
+    /// From the lowest corner to those with the weight 1.
+    pub plus: [usize; 2],
+    /// From the lowest corner to those with the weight −1.
+    pub minus: [usize; 2],
+    /// From the lowest corner to the highest.
+    pub span: usize,
+    /// Number of bends and holes.
+    pub count: usize,
+    /// N/m.
+    pub stiffness: f32,
+    /// The places at which there is no bend, in ascending order.
+    pub holes: &'a [u32],
+}
+
+impl Parallelograms<'_> {
+    /// Whether half of the bends of both or more have their lowest corners in the same slots.
+    pub fn overlap(&self, other: &Self) -> bool {
+        let end = (self.lowest + self.count).min(other.lowest + other.count);
+        2 * end.saturating_sub(self.lowest.max(other.lowest)) >= self.count.max(other.count)
+    }
+}
+
 impl<const N: usize> BendRun<N> {
+    /// The run as one of parallelograms, if all of its bends are, and the block owns all of their corners.
+    pub fn parallelograms(&self) -> Option<Parallelograms<'_>> {
+        let (weights, [stiffness, _]) = (self.weights?, self.material?);
+        let lowest = self.first[self.order[0] as usize];
+        let corners = |weight: f32| {
+            let corners = || (0..N).filter(|end| weights[*end] == weight);
+            let [one, other] = [corners().next()?, corners().nth(1)?];
+            (corners().count() == 2).then_some([one, other].map(|end| (self.first[end] - lowest) as usize))
+        };
+        let (plus, minus) = (corners(1.0)?, corners(-1.0)?);
+        let is_plain = N == 4 && self.owned == [true; N] && !self.is_curved && !self.is_damped;
+        is_plain.then_some(Parallelograms {
+            lowest: lowest as usize,
+            plus,
+            minus,
+            span: (self.first[self.order[N - 1] as usize] - lowest) as usize,
+            count: self.count as usize,
+            stiffness,
+            holes: &self.holes,
+        })
+    }
+
     /// An empty run that will begin with this bend.
     fn new(entry: &BendEntry<N>, start: u32, bend: Bend<N>) -> Self {
         let first = entry.ends();
@@ -210,7 +258,7 @@ mod tests {
     #[test]
     fn runs_that_overlap_are_two() {
         let entry = |(bend, first): (u32, u32)| BendEntry {
-            tile: 0,
+            span: 0,
             owned: [true; 3],
             offsets: [0, 1, 2],
             first,

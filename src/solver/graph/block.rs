@@ -14,7 +14,7 @@ pub(in crate::solver) const MIN_RUN: usize = 8;
 const CHUNK: usize = 64;
 
 /// Runs that are one chunk each are joined to one of up to this number of places.
-pub(in crate::solver) const MAX_JOINED: usize = 128;
+pub(in crate::solver) const MAX_JOINED: usize = 256;
 
 /// Places between two runs, at most, for which they are joined: what is computed there for nothing costs less than a
 /// run of its own.

@@ -1,4 +1,4 @@
-//! Springs whose two ends are at the same position have no direction: their ends are moved apart.
+//! Springs with both ends at the same position have no direction: their ends are moved apart.
 //!
 //! That is done once, before a tick, by a thousandth of the rest length; from then on the force of the spring has a direction. Pinned
 //! particles stay, and what hangs from them is moved along gravity, link by link: so a rope that was spawned in one point unfolds
@@ -9,7 +9,7 @@ use bevy::math::{DVec3, Vec3, ops};
 
 use super::islands::Forest;
 use crate::solver::buckets::Buckets;
-use crate::solver::elements::Elements;
+use crate::solver::elements::{Element, Elements};
 use crate::solver::particles::Particles;
 
 /// How far the ends are parted, as a part of the rest length.
@@ -34,10 +34,11 @@ pub(in crate::solver) fn part_coincident(
     particles: &mut Particles,
     (gravity, is_flat): (Vec3, bool),
 ) {
-    let (knots, is_held) = find(elements, particles);
+    let knots = find(elements, particles);
     if knots.is_empty() {
         return;
     }
+    let is_held = find_held(elements, particles);
     let mut forest = Forest::new(particles.len());
     for [first, second] in knots.iter().map(|knot| knot.ends.map(|end| end as usize)) {
         if !particles.is_pinned(first) && !particles.is_pinned(second) {
@@ -71,19 +72,32 @@ pub(in crate::solver) fn part_coincident(
     }
 }
 
-/// The knots, and the particles that other springs hold.
-fn find(elements: &Elements, particles: &Particles) -> (Vec<Knot>, Vec<bool>) {
-    let (mut knots, mut is_held) = (Vec::new(), vec![false; particles.len()]);
-    elements.springs().for_each_acting(|_, &ends, spring| {
-        let [first, second] = ends.map(|end| end as usize);
-        let is_pinned = particles.is_pinned(first) && particles.is_pinned(second);
-        if particles.position.get(first) != particles.position.get(second) {
-            (is_held[first], is_held[second]) = (true, true);
-        } else if spring.length_at_rest() > 0.0 && !is_pinned {
-            knots.push(Knot { ends, rest_length: spring.length_at_rest() });
+/// The knots. Where ends differ, as nearly everywhere, no parameters need be read.
+fn find(elements: &Elements, particles: &Particles) -> Vec<Knot> {
+    let springs = elements.springs();
+    let all = springs.all_ends().iter().zip(springs.elements());
+    let coincident = all.filter(|(ends, _)| are_coincident(**ends, particles));
+    let knots = coincident.filter(|(ends, spring)| {
+        let is_pinned = ends.iter().all(|end| particles.is_pinned(*end as usize));
+        spring.acts() && spring.length_at_rest() > 0.0 && !is_pinned
+    });
+    knots.map(|(ends, spring)| Knot { ends: *ends, rest_length: spring.length_at_rest() }).collect()
+}
+
+/// Which particles are held by springs with a direction.
+fn find_held(elements: &Elements, particles: &Particles) -> Vec<bool> {
+    let mut is_held = vec![false; particles.len()];
+    elements.springs().for_each_acting(|_, ends, _| {
+        if !are_coincident(*ends, particles) {
+            ends.iter().for_each(|end| is_held[*end as usize] = true);
         }
     });
-    (knots, is_held)
+    is_held
+}
+
+fn are_coincident(ends: [u32; 2], particles: &Particles) -> bool {
+    let [first, second] = ends.map(|end| particles.position.get(end as usize));
+    first == second
 }
 
 struct Unfolding<'a> {

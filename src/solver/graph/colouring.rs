@@ -9,7 +9,7 @@ use crate::solver::elements::{Acting, Elements};
 use crate::solver::particles::Particles;
 use crate::solver::state::Version;
 
-/// The elements whose free ends are within one block of particles, then those between blocks, each by colour.
+/// The elements with all free ends in one block of particles, then those between blocks, each by colour.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Colouring {
     elements: Vec<Linked>,
@@ -94,7 +94,7 @@ mod tests {
         colouring.colour(&elements, &particles, std::iter::once(0..4));
         // The colours are 0, 1, 0, 2, 1.
         assert_eq!(numbers(&colouring.elements), [0, 2, 1, 4, 3]);
-        // Of the blocks {0, 1} and {2, 3}, one has element 0 to itself, the other 2, and 4, whose other end is pinned.
+        // Of the blocks {0, 1} and {2, 3}, one has element 0 to itself, the other 2, and 4, which has a pinned end.
         colouring.colour(&elements, &particles, [0..2, 2..4].into_iter());
         assert_eq!(colouring.within_blocks().map(numbers).collect::<Vec<_>>(), [vec![0], vec![2, 4]]);
         assert_eq!(numbers(colouring.between_blocks()), [1, 3]);

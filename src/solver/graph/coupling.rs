@@ -13,7 +13,7 @@ pub(in crate::solver) struct Coupling {
     /// Σ |cᵢ| Dᵢ / g over its ends, with Dᵢ = Σ k |c| g / mᵢ over the elements of end i, 1/s²: none of its island's ω²
     /// is above the largest of these.
     ///
-    /// That is Gershgorin's theorem on the matrix of the elements, whose rows and columns are scaled by any numbers
+    /// That is Gershgorin's theorem on the matrix of the elements, with rows and columns scaled by any numbers
     /// g > 0. With g = ½ Σ |cᵢ|, which is 1 for springs, a soft element of large weights raises no bound: a rope of
     /// springs k and rods k' on masses m has ω² <= (4 k + 16 k') / m, the exact supremum.
     pub frequency_squared: f64,

@@ -45,7 +45,7 @@ pub(in crate::solver) struct Elimination {
     pub ends: Vec<[u32; 2]>,
     /// The links within the core.
     pub runs: Vec<NodeRun>,
-    /// The elements of more ends, whose `ends` are nodes: those of the tree nodes, then those of the core.
+    /// The elements of more ends: those of the tree nodes, then those of the core. Their `ends` are nodes.
     pub compounds: Vec<Linked>,
     /// Number of those of the tree nodes.
     pub tree_compounds: usize,
@@ -55,7 +55,7 @@ pub(in crate::solver) struct Elimination {
     pub hierarchy: Hierarchy,
 }
 
-/// Links of the core whose ends are consecutive nodes; core nodes are numbered from 0 here.
+/// Links of the core between consecutive nodes; core nodes are numbered from 0 here.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::solver) struct NodeRun {
     pub first: usize,

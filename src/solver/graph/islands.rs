@@ -47,7 +47,9 @@ impl Islands {
         let mut joined = vec![false; particles.len()];
         // Of each slot how many elements have their first free end there.
         let mut counts = vec![0_u32; particles.len()];
-        let (mut closing, mut bent) = (Vec::new(), Vec::new());
+        // Whether an element closes a loop there. As flags: most elements of a cloth do.
+        let mut closing = vec![false; particles.len()];
+        let mut bent = Vec::new();
         elements.for_each_acting_ends(|ends| {
             if let [first, second] = *ends {
                 let [first, second] = [first as usize, second as usize];
@@ -58,7 +60,7 @@ impl Islands {
                 counts[if is_first_free { first } else { second }] +=
                     u32::from(is_first_free || is_second_free);
                 if is_first_free && is_second_free && !forest.join(first, second) {
-                    closing.push(first);
+                    closing[first] = true;
                 }
                 return;
             }
@@ -76,14 +78,16 @@ impl Islands {
             let mut free = free_slots(enclosure, particles);
             let Some(first) = free.next() else { continue };
             joined[first] = true;
-            closing.push(first);
+            closing[first] = true;
             for slot in free {
                 joined[slot] = true;
                 forest.join(first, slot);
             }
         }
         self.number(&mut forest, &joined, particles);
-        closing.into_iter().for_each(|slot| self.island_mut(slot).has_loops = true);
+        for (slot, _) in closing.into_iter().enumerate().filter(|(_, is_closing)| *is_closing) {
+            self.island_mut(slot).has_loops = true;
+        }
         self.reduce(&bent, elements, particles);
         for (slot, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
             self.island_mut(slot).elements += count as usize;

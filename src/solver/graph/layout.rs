@@ -27,6 +27,8 @@ pub(super) struct Layout {
     ranges: Vec<Range<usize>>,
     /// The tile of each slot.
     tiles: Vec<u32>,
+    /// The first slot of each span.
+    starts: Vec<u32>,
 }
 
 /// A piece of the slots that no element leaves.
@@ -57,7 +59,8 @@ impl Layout {
             }
         }
         choose_blocks(&extents, &mut spans);
-        Self { ranges: ranges(&spans), tiles }
+        let starts = spans.iter().map(|span| span.slots.start as u32).collect();
+        Self { ranges: ranges(&spans), tiles, starts }
     }
 
     /// The slots of all blocks, with those of particles that came later.
@@ -90,6 +93,11 @@ impl Layout {
     /// The tile of a slot.
     pub fn tile_of(&self, slot: u32) -> u32 {
         self.tiles[slot as usize]
+    }
+
+    /// The number of the span of a slot.
+    pub fn span_of(&self, slot: u32) -> u32 {
+        self.starts.partition_point(|start| *start <= slot) as u32
     }
 }
 

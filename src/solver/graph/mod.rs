@@ -27,7 +27,7 @@ mod parts;
 mod reduction;
 
 use crate::solver::elements::MAX_ENDS;
-pub(super) use bend_runs::{BendList, BendRun};
+pub(super) use bend_runs::{BendList, BendRun, Parallelograms};
 pub(super) use blocks::Blocks;
 pub(super) use coincidence::part_coincident;
 pub(super) use colouring::Colouring;

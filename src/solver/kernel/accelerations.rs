@@ -104,6 +104,11 @@ pub(super) fn begin_forces(start: usize, motion: &Motion, field: &Field, force: 
 pub(super) fn add_elements(block: &Block, motion: &Motion, field: &Field, force: &mut [&mut [f32]; 3]) {
     let [x, y, z] = force;
     let mut force = [&mut **x, &mut **y, &mut **z];
+    let inverse_mass = &motion.inverse_mass[block.slots.start - motion.first..][..force[0].len()];
+    if inverse_mass.iter().all(|inverse_mass| *inverse_mass == 0.0) {
+        // The pinned edge of a cloth: no force moves it.
+        return;
+    }
     if let Some(gas) = field.gas {
         let slots = block.slots.start..block.slots.start + force[0].len();
         for (force, gas) in force.iter_mut().zip(gas.axes()) {

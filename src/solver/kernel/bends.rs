@@ -2,8 +2,8 @@
 
 use bevy::math::Vec3;
 
-use super::Motion;
 use super::accelerations::LANES;
+use super::{Motion, parallelograms};
 use crate::solver::elements::{Bend, for_each_bend};
 use crate::solver::graph::block::Block;
 use crate::solver::graph::{BendList, BendRun};
@@ -61,29 +61,47 @@ fn add_bends<const N: usize>(list: &BendList<N>, motion: &Motion, force: &mut [&
     }
     const ZEROS: Chunk = [[0.0; LANES + CHUNK + LANES + LANES]; 3];
     let mut buffers = Buffers { pulls: ZEROS, rates: ZEROS };
-    for run in &list.runs {
-        let count = run.count as usize;
-        let mut done = 0;
-        while done < count {
-            let left = count - done;
-            let chunk = if left < CHUNK + LANES { left } else { CHUNK };
-            match (run.is_curved, run.is_damped) {
-                (false, false) => compute::<false, false, N>(list, run, (done, chunk), motion, &mut buffers),
-                (false, true) => compute::<false, true, N>(list, run, (done, chunk), motion, &mut buffers),
-                (true, _) => compute::<true, true, N>(list, run, (done, chunk), motion, &mut buffers),
-            }
-            for hole in &run.holes {
-                let hole = (hole.start as usize).max(done)..(hole.end as usize).min(done + chunk);
-                for place in hole {
-                    buffers.pulls.iter_mut().for_each(|pulls| pulls[LANES + place - done] = 0.0);
-                }
-            }
-            match run.weights {
-                Some(weights) => add_uniform(run, weights, (done, chunk), &mut buffers.pulls, force, start),
-                None => add_each(list, run, (done, chunk), &buffers.pulls, force, start),
-            }
-            done += chunk;
+    let mut runs = &list.runs[..];
+    while let Some(run) = runs.first() {
+        let together = parallelograms::add(runs, motion, force, start);
+        if together > 0 {
+            runs = &runs[together..];
+            continue;
         }
+        add_run(list, run, motion, &mut buffers, (force, start));
+        runs = &runs[1..];
+    }
+}
+
+/// Adds the forces of the bends of a run.
+#[inline(always)]
+fn add_run<const N: usize>(
+    list: &BendList<N>,
+    run: &BendRun<N>,
+    motion: &Motion,
+    buffers: &mut Buffers,
+    (force, start): (&mut [&mut [f32]; 3], usize),
+) {
+    let count = run.count as usize;
+    let mut done = 0;
+    while done < count {
+        let left = count - done;
+        let chunk = if left < CHUNK + LANES { left } else { CHUNK };
+        match (run.is_curved, run.is_damped) {
+            (false, false) => compute::<false, false, N>(list, run, (done, chunk), motion, buffers),
+            (false, true) => compute::<false, true, N>(list, run, (done, chunk), motion, buffers),
+            (true, _) => compute::<true, true, N>(list, run, (done, chunk), motion, buffers),
+        }
+        let place_of = |hole: usize| run.holes.partition_point(|place| (*place as usize) < hole);
+        for place in &run.holes[place_of(done)..place_of(done + chunk)] {
+            let place = LANES + *place as usize - done;
+            buffers.pulls.iter_mut().for_each(|pulls| pulls[place] = 0.0);
+        }
+        match run.weights {
+            Some(weights) => add_uniform(run, weights, (done, chunk), &mut buffers.pulls, force, start),
+            None => add_each(list, run, (done, chunk), &buffers.pulls, force, start),
+        }
+        done += chunk;
     }
 }
 

@@ -84,7 +84,8 @@ impl Closed<'_> {
         let mut position = [&mut x[..count], &mut y[..count], &mut z[..count]];
         let [u, v, w] = &mut self.velocity;
         let mut velocity = [&mut u[..count], &mut v[..count], &mut w[..count]];
-        for motion in pinned {
+        // What stands still has been where it is since the tick began.
+        for motion in pinned.iter().filter(|motion| !motion.stands_still()) {
             let [place, speed] = motion.at(elapsed, time_step);
             set(&mut position, motion.slot - start, place);
             set(&mut velocity, motion.slot - start, speed);

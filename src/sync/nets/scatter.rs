@@ -95,6 +95,32 @@ fn faulty(particles: &Particles, place: &NetPlace) -> Vec<u32> {
     (0..place.len() as u32).filter(is_faulty).collect()
 }
 
+/// The motion of consecutive particles in the solver; all slices are of these.
+struct Source<'a> {
+    position: [&'a [f32]; 3],
+    velocity: [&'a [f32]; 3],
+    inverse_masses: &'a [f32],
+    origin: Vec3,
+}
+
+impl Source<'_> {
+    /// Where a particle is that was at `present`. What is pinned is where it was put, to the bit.
+    #[inline(always)]
+    fn position(&self, at: usize, present: Vec3) -> Vec3 {
+        if self.inverse_masses[at] == 0.0 && present.is_finite() {
+            return present;
+        }
+        let [x, y, z] = self.position;
+        Vec3::new(x[at], y[at], z[at]) + self.origin
+    }
+
+    #[inline(always)]
+    fn velocity(&self, at: usize) -> Vec3 {
+        let [u, v, w] = self.velocity;
+        Vec3::new(u[at], v[at], w[at])
+    }
+}
+
 /// Copies the motion of a net; returns whether anything is other than it was, and whether all is finite, which may be known. What
 /// is not finite keeps its place, at rest.
 fn copy_motion(
@@ -114,17 +140,17 @@ fn copy_motion(
         let [u, v, w] = velocity_axes.map(|axis| &axis[slots.clone()]);
         let inverse_masses = &inverse_masses[slots];
         let (positions, velocities) = (&mut positions[..count], &mut velocities[..count]);
-        let mut has_changed = false;
-        for at in 0..count {
-            let velocity = Vec3::new(u[at], v[at], w[at]);
-            // What is pinned is where it was put, to the bit.
-            let position = if inverse_masses[at] != 0.0 || !positions[at].is_finite() {
-                Vec3::new(x[at], y[at], z[at]) + view.origin
-            } else {
-                positions[at]
-            };
-            has_changed = has_changed || position != positions[at] || velocity != velocities[at];
-            (positions[at], velocities[at]) = (position, velocity);
+        let source = Source { position: [x, y, z], velocity: [u, v, w], inverse_masses, origin: view.origin };
+        // Where a net moves, the comparison ends at the first particle that does.
+        let is_other = |at: usize| {
+            source.position(at, positions[at]) != positions[at] || source.velocity(at) != velocities[at]
+        };
+        let has_changed = (0..count).any(is_other);
+        if has_changed {
+            for at in 0..count {
+                positions[at] = source.position(at, positions[at]);
+                velocities[at] = source.velocity(at);
+            }
         }
         return (has_changed, true);
     }

@@ -5,12 +5,12 @@ use bevy::math::{DMat3, DVec3};
 /// A symmetric 3×3 matrix.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Symmetric {
-    xx: f64,
-    yy: f64,
-    zz: f64,
-    xy: f64,
-    xz: f64,
-    yz: f64,
+    pub xx: f64,
+    pub yy: f64,
+    pub zz: f64,
+    pub xy: f64,
+    pub xz: f64,
+    pub yz: f64,
 }
 
 impl Symmetric {
@@ -87,20 +87,6 @@ impl Symmetric {
         ]
     }
 
-    /// This · `matrix`, whose columns are given, where the product is known to be symmetric.
-    #[inline]
-    pub fn symmetric_product(&self, matrix: &[DVec3; 3]) -> Self {
-        let rows = self.columns();
-        Self {
-            xx: rows[0].dot(matrix[0]),
-            yy: rows[1].dot(matrix[1]),
-            zz: rows[2].dot(matrix[2]),
-            xy: rows[0].dot(matrix[1]),
-            xz: rows[0].dot(matrix[2]),
-            yz: rows[1].dot(matrix[2]),
-        }
-    }
-
     /// L D Lᵀ of this, which is known to be at least `least` I > 0: so are its pivots, whatever the
     /// rounding makes of them.
     #[inline]
@@ -144,10 +130,10 @@ impl std::ops::SubAssign for Symmetric {
 /// The factors of a [`Symmetric`]: L has ones on its diagonal.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Factor {
-    yx: f64,
-    zx: f64,
-    zy: f64,
-    inverse_pivots: DVec3,
+    pub yx: f64,
+    pub zx: f64,
+    pub zy: f64,
+    pub inverse_pivots: DVec3,
 }
 
 impl Factor {
@@ -173,12 +159,6 @@ impl Factor {
         let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.solve(axis));
         Symmetric { xx: x.x, yy: y.y, zz: z.z, xy: y.x, xz: z.x, yz: z.y }
     }
-
-    /// Inverse · `matrix`, by columns.
-    #[inline]
-    pub fn solve_columns(&self, matrix: &Symmetric) -> [DVec3; 3] {
-        matrix.columns().map(|column| self.solve(column))
-    }
 }
 
 #[cfg(test)]
@@ -201,10 +181,6 @@ mod tests {
         let vector = DVec3::new(1.0, -2.0, 3.0);
         let factor = matrix.factor(0.5);
         assert!((factor.solve(matrix.times(vector)) - vector).length() < 1e-14);
-        // A (A⁻¹ A) = A
-        let identity = factor.solve_columns(&matrix);
-        let product = matrix.symmetric_product(&identity);
-        assert!((product.times(vector) - matrix.times(vector)).length() < 1e-13);
     }
 
     #[test]

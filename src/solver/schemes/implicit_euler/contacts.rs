@@ -158,6 +158,9 @@ impl Contacts {
         self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
         self.reach = least_reach.max(REACH * longest);
+        if obstacles.is_empty() {
+            return;
+        }
         for node in free {
             let slot = elimination.slots[node];
             let radius = f64::from(particles.radius()[slot as usize]);

@@ -42,6 +42,12 @@ impl Linearised {
         0.5 * self.potential.stiffness * self.elongation(separation).powi(2)
     }
 
+    /// Whether it pushes at the separation s.
+    pub fn is_pressed(&self, separation: DVec3) -> bool {
+        let Potential { rest_length, tension_only, .. } = self.potential;
+        !tension_only && separation.length_squared() < rest_length * rest_length
+    }
+
     /// Its tension at the separation s, N.
     pub fn tension(&self, separation: DVec3) -> f64 {
         self.potential.stiffness * self.elongation(separation)

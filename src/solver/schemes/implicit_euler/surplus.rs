@@ -20,6 +20,22 @@ pub(super) const MAX_GAIN: f64 = 1e-3;
 pub(super) const LEAST_PART: f64 = 1e-3;
 
 impl Island {
+    /// Whether a solution of the step is known to have no more energy than there was before: it touches nothing, encloses no gas, and
+    /// no element is pressed together.
+    ///
+    /// With the tension T' of each element and its damper at the end, and the direction d' there, a solution has
+    /// m (v' − v) = −h Σ T' d', so that
+    ///
+    /// E' − E = −Σ ½ m ‖v' − v‖² + Σ (V' − V − T' d' · (s' − s))
+    ///
+    /// d' · s is at most the length l = ‖s‖ before. So the last product is at least T' (l' − l) where T' >= 0, and
+    /// V' − V − T' (l' − l) = −½ k (l' − l)² − (c/h) (l' − l)² <= 0. Of a cable that is slack before
+    /// or after it is at most 0, too.
+    pub(super) fn dissipates(&self) -> bool {
+        let Self { elimination, system, .. } = self;
+        !system.contacts.any() && elimination.gases.is_empty() && !system.any_pressed(elimination)
+    }
+
     /// Whether nothing that moves by itself has done work on it: no pinned particle of it and nothing that holds it moves.
     pub(super) fn is_left_alone(&self, particles: &Particles) -> bool {
         let rests = |slot: usize| particles.velocity.get(slot) == Vec3::ZERO;

@@ -9,6 +9,7 @@ use super::block::Symmetric;
 use super::contact;
 use super::contacts::Contacts;
 use super::coupling::TreeLink;
+use super::eliminated::Eliminated;
 use super::gas::{self, GasTerms};
 use super::linearised::Linearised;
 use super::tethers::Tethers;
@@ -20,13 +21,6 @@ use crate::solver::particles::Particles;
 
 /// Components of corrections below this are cleared, m.
 const NEGLIGIBLE: f64 = 1e-60;
-
-/// A node that has been eliminated: its step is `own` + `coupling` · (the step of its parent).
-#[derive(Debug, Clone, Copy, Default)]
-struct Eliminated {
-    own: DVec3,
-    coupling: [DVec3; 3],
-}
 
 /// Sums over the island, as it was linearised.
 #[derive(Debug, Clone, Copy, Default)]
@@ -238,6 +232,17 @@ impl System {
         }))
     }
 
+    /// Whether any element, with its damper, pushes at the present positions.
+    pub fn any_pressed(&self, elimination: &Elimination) -> bool {
+        let mut pairs = self.elements.iter().zip(&elimination.ends);
+        let mut compounds = self.compounds.iter().zip(&self.elements[elimination.elements.len()..]);
+        pairs.any(|(element, &[first, second])| {
+            element.is_pressed(self.position[first as usize] - self.position[second as usize])
+        }) || compounds.any(|(compound, element)| {
+            element.is_pressed(combine(&compound.nodes, compound.weights, &self.position))
+        })
+    }
+
     /// Finds the forces of elements and gases on the nodes at the start of the step, N; dampers have none there.
     pub fn find_start_pull(&mut self, elimination: &Elimination, elements: &Elements) {
         let Self { start, start_pull: pull, .. } = self;
@@ -344,14 +349,13 @@ impl System {
                 self.diagonal[parent] += touch.block;
                 link -= touch.block;
             }
-            let factor = own.factor(inertia);
-            let coupling = factor.solve_columns(&link);
-            *eliminated = Eliminated { own: factor.solve(right), coupling };
-            sums.step_energy += right.dot(eliminated.own);
+            *eliminated = Eliminated::new(&own.factor(inertia), &link, right);
+            sums.step_energy += right.dot(eliminated.own());
             (self.right[node], self.diagonal[node]) = Default::default();
-            self.right[parent] += link.times(eliminated.own);
+            let (matrix, vector) = eliminated.at_parent(&link);
+            self.right[parent] += vector;
             self.diagonal[parent] += link;
-            self.diagonal[parent] -= link.symmetric_product(&coupling);
+            self.diagonal[parent] -= matrix;
         }
         energy
     }
@@ -362,10 +366,7 @@ impl System {
         let parent = self.step[elimination.parents[node] as usize];
         let step = match elimination.bent.get(node) {
             Some(bent) => self.wide.step(node, [parent, self.step[bent.second_parent as usize]]),
-            None => {
-                let Eliminated { own, coupling: [x, y, z] } = self.eliminated[node];
-                own + x * parent.x + y * parent.y + z * parent.z
-            }
+            None => self.eliminated[node].step(parent),
         };
         // From link to link a step fades, down to subnormal numbers, for which processors take ten times as long.
         let clear = |component: f64| if component.abs() < NEGLIGIBLE { 0.0 } else { component };
