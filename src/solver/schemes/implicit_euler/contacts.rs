@@ -79,10 +79,10 @@ pub(super) struct Contacts {
     pub(super) max_depth: f64,
     /// Number of solutions so far.
     pub(super) passes: usize,
-    /// Number of searches for contacts that were missed.
-    pub(super) searches: usize,
     /// The same at most.
     pub(super) max_passes: usize,
+    /// Number of searches for contacts that were missed.
+    pub(super) searches: usize,
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
