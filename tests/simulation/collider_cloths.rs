@@ -3,7 +3,7 @@
 use std::f32::consts::FRAC_PI_2;
 
 use bevy::math::{Quat, Vec3};
-use bevy_mass_spring::solver::{Collider, Integrator, Pose, Shape, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::solver::{Collider, Integrator, Pose, Shape, Sleep, Solver, StepSettings, SubstepMode};
 
 use crate::common::bodies::{falling, positions, velocities};
 use crate::common::colliding::{Cloth, deepest_of_faces};
@@ -120,6 +120,103 @@ fn a_cloth_that_lies_on_a_ball_does_not_tremble() {
     let speed = 9.81 * settings.time_step / state.outputs().plan.substeps as f32;
     let allowed = 0.5 * state.particle_count() as f32 / state.inverse_mass(0) * speed * speed;
     assert!(most < allowed, "{most} J of {allowed}");
+}
+
+/// A cloth of `cells`² cells that has fallen onto a collider for `seconds`; no point of it has been deeper than 1 % of its thickness and
+/// 0.1 mm in any fifth tick.
+fn fallen(
+    (name, collider): &(&str, Collider),
+    (cells, stiffness, seconds): (usize, f32, u32),
+    settings: &StepSettings,
+) -> Solver {
+    let mut state = Solver::default();
+    state.add_collider(collider.clone());
+    let cloth = Cloth { cells, size: 0.9, radius: RADIUS, stiffness, areal_density: 0.2, damping: 0.2 };
+    let triangles = cloth.add(&mut state, Vec3::new(-0.45, 0.33, -0.45), [Vec3::X, Vec3::Z]);
+    let viscosity = 5.0 / state.inverse_mass(0);
+    let settings = StepSettings { viscosity, ..settings.clone() };
+    let allowed = 0.01 * f64::from(2.0 * RADIUS) + 1e-4;
+    for tick in 0..60 * seconds {
+        state.step(&settings);
+        if tick % 5 == 4 {
+            let deepest = deepest_of_faces(&state, &triangles, collider, RADIUS, 4);
+            let case = format!("{name}, {cells}², {:?}, tick {tick}", settings.integrator);
+            assert!(deepest < allowed, "{case}: {deepest} m deep");
+        }
+    }
+    state
+}
+
+fn falls_asleep(name: &str, state: &mut Solver, settings: &StepSettings) {
+    let viscosity = 5.0 / state.inverse_mass(0);
+    let settings = StepSettings { viscosity, sleep: Some(Sleep::default()), ..settings.clone() };
+    let awake = (0..600).take_while(|_| {
+        state.step(&settings);
+        state.asleep_count() == 0
+    });
+    let ticks = awake.count();
+    let case = format!("{name}, {:?}", settings.integrator);
+    assert_eq!(state.asleep_count(), state.particle_count(), "{case}: awake after {ticks} ticks");
+}
+
+/// Asserts that a cloth comes to rest by an implicit scheme: after `seconds` its energy of motion is no more than what is left of an
+/// error that the solution of a step may have, a half per cent of the way g h² of its flight; then it falls asleep.
+fn comes_to_rest(
+    collider: &(&str, Collider),
+    (cells, stiffness, seconds): (usize, f32, u32),
+    (integrator, substeps): (Integrator, SubstepMode),
+) {
+    let settings = StepSettings { substeps, ..falling(integrator, 1) };
+    let mut state = fallen(collider, (cells, stiffness, seconds), &settings);
+    let moving = StepSettings { viscosity: 5.0 / state.inverse_mass(0), ..settings.clone() };
+    let mut most = 0.0_f32;
+    for _ in 0..30 {
+        state.step(&moving);
+        let squares: f32 = velocities(&state).iter().map(|velocity| velocity.length_squared()).sum();
+        most = most.max(0.5 * squares / state.inverse_mass(0));
+    }
+    let left = 5e-3 * 9.81 * settings.time_step / state.outputs().plan.substeps as f32;
+    let error = 0.5 * state.particle_count() as f32 / state.inverse_mass(0) * left * left;
+    assert!(most < error, "{}, {integrator:?}: {most} J of {error}", collider.0);
+    falls_asleep(collider.0, &mut state, &settings);
+}
+
+/// The curved ones: a cylinder, too.
+fn round_colliders() -> Vec<(&'static str, Collider)> {
+    let turn = Quat::from_rotation_z(FRAC_PI_2);
+    let pose = Pose { point: Vec3::ZERO, rotation: turn };
+    let cylinder = ("cylinder", with(Collider::resting(Shape::frustum([0.1; 2], 0.3), pose), 0.0, 0.6));
+    colliders().into_iter().filter(|(name, _)| *name != "mesh").chain([cylinder]).collect()
+}
+
+#[test]
+fn a_cloth_comes_to_rest_by_backward_euler() {
+    for collider in round_colliders() {
+        comes_to_rest(&collider, (12, 100.0, 6), (Integrator::ImplicitEuler, SubstepMode::Fixed(1)));
+    }
+}
+
+#[test]
+fn a_cloth_falls_asleep_on_a_mesh_by_backward_euler() {
+    let mesh = colliders().into_iter().find(|(name, _)| *name == "mesh").unwrap();
+    let settings = falling(Integrator::ImplicitEuler, 1);
+    let mut state = fallen(&mesh, (8, 100.0, 3), &settings);
+    falls_asleep("mesh", &mut state, &settings);
+}
+
+#[test]
+fn a_cloth_comes_to_rest_by_tr_bdf2() {
+    for collider in round_colliders() {
+        comes_to_rest(&collider, (12, 1e3, 6), (Integrator::TrBdf2, SubstepMode::Fixed(2)));
+    }
+}
+
+/// `Auto` takes TR-BDF2 for one as stiff as this.
+#[test]
+fn a_stiff_cloth_comes_to_rest_by_what_auto_picks() {
+    for collider in round_colliders() {
+        comes_to_rest(&collider, (12, 1e5, 8), (Integrator::Auto, SubstepMode::Auto));
+    }
 }
 
 #[test]

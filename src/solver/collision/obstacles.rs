@@ -103,6 +103,20 @@ impl Obstacle {
             let form = Form::HalfSpace { point: to.to_world(found.foot), normal };
             return Some((Self { form, ..self.clone() }, found.weights));
         }
+        self.deepest_of_slow(count, [start, end], radii, duration)
+    }
+
+    /// The same without a sweep.
+    pub fn deepest_of_slow(
+        &self,
+        count: usize,
+        [start, end]: [[DVec3; 3]; 2],
+        radii: [f64; 3],
+        duration: f64,
+    ) -> Option<(Self, [f64; 3])> {
+        let Form::Solid { shape, from, to, .. } = &self.form else { return None };
+        let before = start.map(|corner| from.to_local(corner));
+        let local = end.map(|corner| to.to_local(corner));
         let within = 0.5 * duration * RECOVERY + longest(before, local);
         let find = |corners: [DVec3; 3]| match count {
             2 => shape.deepest_on_edge([corners[0], corners[1]], [radii[0], radii[1]], within),
@@ -121,6 +135,11 @@ impl Obstacle {
             *side = shape.side(from.to_local(position));
         }
         seen
+    }
+
+    /// Whether its distance is that of a solid, and not of a plane or a pinned particle.
+    pub fn is_curved(&self) -> bool {
+        matches!(self.form, Form::Solid { .. })
     }
 
     /// The slot of the pinned particle that it is, if it is one.

@@ -10,6 +10,10 @@ use crate::solver::graph::Elimination;
 /// The error that is left of a Newton step, as a part of it, both measured as energies (‖e‖² = eᵀHe).
 pub(super) const STEP_TOLERANCE: f64 = 0.1;
 
+/// The same where edges and faces touch something curved: which of many contacts hold follows from distances that are far below the
+/// others in the step.
+pub(super) const FEATURE_TOLERANCE: f64 = 0.03;
+
 /// The same for a rebound, which no further step corrects.
 pub(super) const REBOUND_TOLERANCE: f64 = 1e-4;
 

@@ -3,6 +3,7 @@
 use bevy::math::DVec3;
 
 use super::block::Symmetric;
+use super::follow::Followed;
 use super::system::Compound;
 use crate::solver::collision::Obstacle;
 use crate::solver::elements::MAX_ENDS;
@@ -62,6 +63,8 @@ pub(super) struct Contact {
     pub max_depth: f64,
     /// By how much K is greater than that of others.
     pub hardness: f64,
+    /// Of an edge or a face whose point follows the iterates.
+    pub followed: Option<Followed>,
 }
 
 /// What a particle touches.
@@ -125,6 +128,7 @@ impl Contact {
             friction: 0.0,
             max_depth: f64::INFINITY,
             hardness: 1.0,
+            followed: None,
         }
     }
 
@@ -177,7 +181,7 @@ impl Contact {
     }
 
     /// The gap at these positions, m, and the direction towards the particle.
-    fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
+    pub fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
         match &self.partner {
             Partner::Obstacle(obstacle) => obstacle.gap(self.point(position), self.radius),
             Partner::Node { node, normal, reach } => {
@@ -237,6 +241,9 @@ impl Contact {
         }
         let along = if self.force > 0.0 { stiffness } else { 0.0 };
         self.add(normal * self.force + friction.force, [along, friction.stiffness], sums);
+        if self.force > 0.0 {
+            self.add_turning(sums);
+        }
         0.5 * self.force * self.force / stiffness + friction.energy
     }
 

@@ -76,15 +76,19 @@ pub(super) struct Contacts {
     /// K as a multiple of the inertia of the particle.
     stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
-    max_depth: f64,
+    pub(super) max_depth: f64,
     /// Number of solutions so far.
-    passes: usize,
+    pub(super) passes: usize,
     /// The same at most.
     pub(super) max_passes: usize,
+    /// Number of searches for contacts that were missed.
+    pub(super) searches: usize,
     /// The slip below which friction is viscous, m.
     creep: f64,
     /// How far obstacles were looked for, m.
     pub(super) reach: f64,
+    /// Whether there are any of edges and faces with obstacles.
+    pub(super) has_features: bool,
     mode: Mode,
     /// Whether other contacts held in the last linearisation than in the one before.
     pub changed: bool,
@@ -147,7 +151,7 @@ impl Contacts {
         let Motion { elimination, particles, start, flight, inertia, h } = *motion;
         self.contacts.clear();
         self.mode = Mode::Step;
-        self.changed = false;
+        (self.changed, self.has_features) = (false, false);
         let free = 0..elimination.free;
         let longest = longest_way(free.clone(), start, flight);
         (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
@@ -223,7 +227,7 @@ impl Contacts {
     /// Looks for none: nothing is held.
     pub fn clear(&mut self) {
         self.contacts.clear();
-        (self.mode, self.changed) = (Mode::Step, false);
+        (self.mode, self.changed, self.has_features) = (Mode::Step, false, false);
     }
 
     /// The nodes that were held in the last linearisation.
@@ -260,6 +264,7 @@ impl Contacts {
         match is_last {
             true if self.max_passes == MAX_SURFACE_PASSES => MAX_SURFACE_STEPS,
             true => MAX_STEPS,
+            false if self.has_features => MAX_STEPS,
             false => STEPS_OF_A_PASS,
         }
     }
@@ -292,8 +297,11 @@ impl Contacts {
                 any_harder |= contact.harden();
             }
         }
-        let is_deep = deepest > self.max_depth;
-        if is_deep {
+        let is_deep = match self.has_features {
+            true => is_solved && self.stiffen(),
+            false => deepest > self.max_depth,
+        };
+        if is_deep && !self.has_features {
             self.stiffness *= GROWTH;
         }
         let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
@@ -305,8 +313,9 @@ impl Contacts {
         self.contacts.iter().map(|contact| contact.energy(position, self.stiffness, self.creep)).sum()
     }
 
-    /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J.
-    pub fn linearise(&mut self, position: &[DVec3], mut sums: Sums) -> f64 {
+    /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J. `start` is where
+    /// the nodes were when the step began.
+    pub fn linearise(&mut self, [position, start]: [&[DVec3]; 2], mut sums: Sums) -> f64 {
         let Self { contacts, stiffness, creep, mode, changed, .. } = self;
         *changed = false;
         let mut energy = 0.0;
@@ -315,6 +324,7 @@ impl Contacts {
                 contact.send_back(*stiffness, &mut sums);
                 continue;
             }
+            contact.follow(position, start);
             let was_held = contact.force > 0.0;
             energy += contact.linearise(position, *stiffness, *creep, &mut sums);
             *changed |= was_held != (contact.force > 0.0);

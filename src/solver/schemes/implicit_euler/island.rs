@@ -67,7 +67,8 @@ impl Island {
             let force = force - tether.force(&system.position);
             pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
         }
-        for node in system.contacts.held_nodes() {
+        let of_features = system.contacts.held_feature_nodes(elimination.free);
+        for node in system.contacts.held_nodes().chain(of_features) {
             pulls.set_touching(elimination.slots[node] as usize);
         }
     }

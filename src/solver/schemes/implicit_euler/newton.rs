@@ -2,7 +2,7 @@
 
 use bevy::math::DVec3;
 
-use super::conjugate_gradient::{ConjugateGradient, REBOUND_TOLERANCE, STEP_TOLERANCE};
+use super::conjugate_gradient::{ConjugateGradient, FEATURE_TOLERANCE, REBOUND_TOLERANCE, STEP_TOLERANCE};
 use super::system::System;
 use crate::solver::graph::Elimination;
 
@@ -29,6 +29,12 @@ const MAX_ASCENTS: usize = 3;
 /// Number of times that a step which leads up is halved.
 const MAX_HALVINGS: usize = 30;
 
+/// The decrease of the potential in a step, at least, as a part of that at its start (Armijo, *Pacific J. Math.* 16, 1, 1966).
+const LEAST_DECREASE: f64 = 1e-4;
+
+/// How much the energy of contacts may rise in a step that raises the potential, as a part of that of the step.
+const MAX_CONTACT_RISE: f64 = 0.5;
+
 /// Displacements below this part of a coordinate are rounding.
 const ROUNDING: f64 = 1e-13;
 
@@ -38,6 +44,8 @@ pub(super) struct Newton {
     conjugate_gradient: ConjugateGradient,
     /// The point of the least potential so far.
     best: Vec<DVec3>,
+    /// Where the step begins.
+    from: Vec<DVec3>,
     progress: Progress,
 }
 
@@ -85,9 +93,12 @@ impl Newton {
     /// stretches it a little, until the next step. So up to [`MAX_ASCENTS`] steps may go up; then the
     /// search goes back to the best point and takes a part of the step from there that goes down. (The watchdog:
     /// Chamberlain, Powell, Lemarechal and Pedersen, *Math. Programming Study* 16, 1, 1982.)
+    ///
+    /// Where edges and faces touch something curved, many contacts are nearly closed, and a full step runs far into those that did not
+    /// hold at its start: there each step is [searched along](Self::search).
     pub fn minimise(&mut self, system: &mut System, elimination: &Elimination, max_steps: usize) -> bool {
         self.measure_flight(system, elimination);
-        let (mut least, mut ascents) = (f64::INFINITY, 0);
+        let (mut least, mut ascents, mut rises) = (f64::INFINITY, 0, 0);
         for _ in 0..max_steps {
             let potential = system.linearise(elimination);
             // The potential is a sum: it does not show what its rounding hides.
@@ -101,21 +112,66 @@ impl Newton {
                 system.position.clone_from(&self.best);
                 system.linearise(elimination);
             }
-            self.conjugate_gradient.solve(system, elimination, STEP_TOLERANCE);
+            let is_searched = system.contacts.has_features;
+            let accuracy = if is_searched { FEATURE_TOLERANCE } else { STEP_TOLERANCE };
+            self.conjugate_gradient.solve(system, elimination, accuracy);
             self.find_step(system, elimination);
+            if is_searched {
+                let is_whole = self.search(system, elimination, (potential, &mut rises));
+                ascents = 0;
+                if is_whole && self.is_solved(system) {
+                    return true;
+                }
+                continue;
+            }
             if ascents > MAX_ASCENTS {
                 self.descend(system, elimination, least);
                 continue;
             }
             self.take_step(system, elimination, 1.0);
-            let tolerance = if system.contacts.hold() { TOUCHING_TOLERANCE } else { TOLERANCE };
-            if self.progress.is_enough(tolerance) && !system.contacts.changed {
+            if self.is_solved(system) {
                 return true;
             }
         }
         // The last step has not been looked at yet.
         if system.potential(elimination) > least {
             system.position.clone_from(&self.best);
+        }
+        false
+    }
+
+    /// Whether no more than the tolerance is left after the whole step.
+    fn is_solved(&self, system: &System) -> bool {
+        let tolerance = if system.contacts.hold() { TOUCHING_TOLERANCE } else { TOLERANCE };
+        self.progress.is_enough(tolerance) && !system.contacts.changed
+    }
+
+    /// Takes the step, or the first of its half, its quarter, … that leads down from the `potential` at its start; whether it is the whole
+    /// one. Up to [`MAX_ASCENTS`] steps, counted by `rises`, may raise the potential of the elements, if not that of the contacts.
+    fn search(
+        &mut self,
+        system: &mut System,
+        elimination: &Elimination,
+        (potential, rises): (f64, &mut usize),
+    ) -> bool {
+        self.from.clone_from(&system.position);
+        let touching = system.contacts.energy(&system.position);
+        let fall = self.progress.step_energy;
+        let mut share = 1.0;
+        for _ in 0..MAX_HALVINGS {
+            self.take_step(system, elimination, share);
+            let allowed = potential - LEAST_DECREASE * share * fall + 1e-12 * potential.abs();
+            if system.potential(elimination) <= allowed {
+                *rises = 0;
+                return share == 1.0;
+            }
+            let rise = system.contacts.energy(&system.position) - touching;
+            if share == 1.0 && *rises < MAX_ASCENTS && rise <= MAX_CONTACT_RISE * fall {
+                *rises += 1;
+                return true;
+            }
+            system.position.clone_from(&self.from);
+            share *= 0.5;
         }
         false
     }

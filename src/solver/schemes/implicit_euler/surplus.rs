@@ -3,7 +3,8 @@
 //! A converged step dissipates: E' <= E for a convex potential. A step that has not converged may gain energy, as where a sheet on a
 //! curved collider has more contacts than Newton's method finds in its iterations, and the rebound, which is one linear solution from
 //! there, may gain many times the energy before. Then the rebound is left out. Where the elements alone have more energy than before, the
-//! step is shortened; the remaining excess is taken from the motion relative to the centre of mass, so that momentum is kept.
+//! step is shortened; the remaining excess is taken from the motion relative to the centre of mass, so that momentum is kept. What edges and
+//! faces gain as they are pushed out of an overlap is no excess: else what has got into one at rest would stay there.
 
 use bevy::math::{DVec3, Vec3};
 

@@ -190,10 +190,10 @@ impl System {
         self.sums = Sums::default();
         self.step[elimination.free..].fill(DVec3::ZERO);
         let core = self.linearise_core(elimination) + self.linearise_compounds(elimination);
-        let Self { contacts, gases, tethers, position, right, diagonal, compounds, load, .. } = self;
+        let Self { contacts, gases, tethers, position, start, right, diagonal, compounds, load, .. } = self;
         let core = core + gases.linearise(elimination, position, *load, right);
         let core = core + tethers.linearise(position, *load, right, diagonal);
-        let touched = contacts.linearise(position, contact::Sums { right, diagonal, compounds });
+        let touched = contacts.linearise([position, start], contact::Sums { right, diagonal, compounds });
         self.route_contacts(elimination);
         let trees = match elimination.bent.is_empty() {
             true => self.eliminate_trees(elimination),
