@@ -25,6 +25,9 @@ const LEAD: f32 = 1.01;
 /// What it is to be where velocities lead to.
 const EXPECTED_LEAD: f32 = 1.2;
 
+/// Number of times that a direction in which a chain leads on is sought anew.
+const MAX_TURNS: usize = 6;
+
 /// What is to be looked at after each substep.
 pub(in crate::solver) struct Watch<'a> {
     chains: &'a [Chain],
@@ -99,8 +102,7 @@ struct WillBeFree<'a> {
     /// Where velocities lead to, m.
     ahead: &'a Vectors,
     exclusions: &'a Exclusions,
-    /// What all will have moved by, m.
-    common: Vec3,
+    drift: Drift,
     /// s.
     time_step: f32,
     /// Whether chains collide along their links.
@@ -112,21 +114,29 @@ impl pulp::WithSimd for WillBeFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> bool {
-        let Self { chains, leads, links, particles, ahead, exclusions, common, time_step, with_edges } = self;
+        let Self { chains, leads, links, particles, ahead, exclusions, drift, time_step, with_edges } = self;
+        let (here, now, then) = ((0, particles.position.axes()), drift.way, drift.after(time_step));
         leads.clear();
         for chain in chains {
-            let slots = chain.slots();
-            let [first, last] = [slots.start, slots.end - 1].map(|slot| ahead.get(slot));
-            let thickness = 2.0 * chain.radius;
-            let lead =
-                Lead { direction: (last - first).normalize_or_zero(), distance: EXPECTED_LEAD * thickness };
-            // What has led on at the start is found after the first substep.
-            if leads_on(simd, chain, (0, ahead.axes()), (common, Vec3::ZERO), lead) {
-                leads.push(Lead { distance: LEAD * thickness, ..lead });
+            let mut lead =
+                Lead { direction: chord(chain, ahead), distance: 2.0 * EXPECTED_LEAD * chain.radius };
+            let leads_ahead = |lead| leads_on(simd, chain, (0, ahead.axes()), (then, Vec3::ZERO), lead);
+            let mut is_found = leads_ahead(lead);
+            // Spheres may have play.
+            let turns = if with_edges { MAX_TURNS } else { 0 };
+            for _ in 0..turns {
+                if !is_found {
+                    lead.direction = turned(lead.direction, chain, ahead);
+                    is_found = leads_ahead(lead);
+                }
+            }
+            lead.distance = 2.0 * LEAD * chain.radius;
+            if is_found && leads_on(simd, chain, here, (now, chain.margin), lead) {
+                leads.push(lead);
                 continue;
             }
             leads.push(Lead::default());
-            let [outside, bent] = chain.proofs(ahead, links, common);
+            let [outside, bent] = chain.proofs(ahead, links, then);
             if with_edges || outside != Proof::Holds {
                 return false;
             }
@@ -136,9 +146,38 @@ impl pulp::WithSimd for WillBeFree<'_> {
                     return false;
                 }
             }
+            if !chain.is_free(here, links, now) {
+                return false;
+            }
         }
         true
     }
+}
+
+/// The direction from the first particle of a chain to the last.
+#[inline(always)]
+fn chord(chain: &Chain, positions: &Vectors) -> Vec3 {
+    let [first, last] = [chain.slots().start, chain.slots().end - 1].map(|slot| positions.get(slot));
+    (last - first).normalize_or_zero()
+}
+
+/// A direction nearer to that of the link that leads on the least (the perceptron: Rosenblatt, *Psychological Review* 65, 386, 1958; it finds
+/// one in which all links lead on, if there is any).
+#[inline(always)]
+fn turned(direction: Vec3, chain: &Chain, positions: &Vectors) -> Vec3 {
+    let (mut least, mut worst) = (f32::INFINITY, Vec3::ZERO);
+    let slots = chain.slots();
+    let mut before = positions.get(slots.start);
+    for slot in slots.start + 1..slots.end {
+        let place = positions.get(slot);
+        let link = place - before;
+        let advance = direction.dot(link);
+        if advance < least {
+            (least, worst) = (advance, link);
+        }
+        before = place;
+    }
+    (direction + worst.normalize_or_zero()).normalize_or_zero()
 }
 
 impl BroadPhase {
@@ -241,7 +280,7 @@ impl ContactCaches {
             return false;
         }
         let time_step = substep.settings.time_step;
-        let common = last.drift(particles).after(time_step);
+        let drift = last.drift(particles);
         let (exclusions, BroadPhase { chains, chain_links: links, .. }) = (&candidates.exclusions, last);
         pulp::Arch::new().dispatch(WillBeFree {
             chains,
@@ -250,7 +289,7 @@ impl ContactCaches {
             particles,
             ahead,
             exclusions,
-            common,
+            drift,
             time_step,
             with_edges,
         })
