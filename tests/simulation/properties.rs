@@ -238,3 +238,40 @@ proptest! {
         }
     }
 }
+
+/// Found by [`auto_never_explodes`]: what stiff springs drove against a light particle, and along it by more than a radius in a substep, was
+/// put back each time, while its speed grew by 10⁶ m/s² for ever.
+#[test]
+fn what_slides_fast_along_a_light_particle_goes_on() {
+    let still = |x, y, z, mass| (Vec3::new(x, y, z), Vec3::ZERO, mass);
+    let net = Net {
+        particles: vec![
+            (Vec3::new(0.0, -0.058587156, -0.16017205), Vec3::new(0.0, 0.22532652, 0.4415097), 1.1243587),
+            still(1.139154, 0.0, 0.042416606, 7.7414474),
+            still(2.0, 0.0, 0.0, 5.927284),
+            still(0.0, 1.0, 0.0, 3.2468958),
+            still(1.0411047, 1.0, -0.1387422, 0.001),
+            still(2.0, 0.841926, 0.054721843, 0.001),
+            still(0.0, 0.0, 1.0, 0.001),
+            still(0.82804227, -0.18461786, 1.1877453, 0.001),
+        ],
+        links: vec![
+            (1, 0, 0.8942546, 561729.7, 0.0),
+            (5, 0, 0.85, 381601.38, 0.0),
+            (4, 0, 1.1291159, 930397.3, 0.46708044),
+        ],
+    };
+    let mut app = app();
+    let all = spawn_net(&mut app, &net, 0b11_0010, 0);
+    let start = net.plain_state().measure(Vec3::ZERO);
+    // It can fall by less than 3 m, and the others with it.
+    let mass: f64 = net.particles.iter().map(|(.., mass)| f64::from(*mass)).sum();
+    let energy = start.kinetic_energy + start.elastic_energy + mass * 9.81 * 3.0;
+    // The coarsest automatic step may seem to have three times the energy, see above.
+    let fastest = (2.0 * 3.0 * energy / f64::from(net.particles[0].2)).sqrt();
+    for tick in 0..30 {
+        run(&mut app, 1);
+        let speed = common::velocity(&app, all[0]).as_dvec3().length();
+        assert!(speed < fastest, "tick {tick}: {speed} m/s, at most {fastest}");
+    }
+}
