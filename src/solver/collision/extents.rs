@@ -130,6 +130,7 @@ impl<const COUNT: usize> Default for Extent<COUNT> {
 
 impl<const COUNT: usize> Extent<COUNT> {
     /// Adds the particles from a `place` in the chain, and the links that end in them.
+    #[expect(clippy::needless_range_loop, reason = "of plain loops the compiler makes vectors")]
     #[inline(always)]
     fn add(&mut self, [positions, links]: [[&[f32]; 3]; 2], place: usize, bounds: [Vec3; 2]) {
         let lanes = |axis: &[f32], place: usize| {
@@ -153,6 +154,7 @@ impl<const COUNT: usize> Extent<COUNT> {
         }
     }
 
+    #[expect(clippy::needless_range_loop, reason = "of plain loops the compiler makes vectors")]
     #[inline(always)]
     fn add_room(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
         for axis in 0..3 {

@@ -317,8 +317,8 @@ impl ContactCaches {
             let is_below = |plane: &Collider| {
                 let normal = plane.start.rotation * Vec3::Y;
                 let lowest = Vec3::select(normal.cmpgt(Vec3::ZERO), low, high);
-                // Not above, so that NaN is not far.
-                !((lowest - plane.start.point).dot(normal) > 0.0)
+                let height = (lowest - plane.start.point).dot(normal);
+                height.is_nan() || height <= 0.0
             };
             let mut is_near = planes().any(is_below);
             self.placed.for_each_near(&Bounds { low, high }, |_| is_near = true);
