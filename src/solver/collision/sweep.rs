@@ -26,10 +26,6 @@ const SWEPT_WAY: f32 = 0.5;
 /// certain.
 const TOUCHING_DEPTH: f64 = 1e-4;
 
-/// How deep a pair that touches from the start of the substep may come on its way without being put back, as a part of the sum of its radii.
-/// Else what slides fast along another one would stand still, while forces go on to accelerate it.
-const SLIDING_DEPTH: f64 = 0.1;
-
 /// Number of searches at most; whatever would pass through another after them stays where it was.
 const MAX_SEARCHES: u32 = 8;
 
@@ -251,10 +247,6 @@ fn first_touch(separation: DVec3, change: DVec3, until: f64, reach: f64, depth: 
         return None;
     }
     let outside = separation.length_squared() - touching * touching;
-    let shallow = (1.0 - SLIDING_DEPTH) * reach;
-    if separation.length_squared() < reach * reach && nearest.length_squared() >= shallow * shallow {
-        return None;
-    }
     let discriminant = approach * approach - way_squared * outside;
     let time = outside / (approach + discriminant.max(0.0).sqrt());
     Some(time.clamp(0.0, until))
@@ -334,14 +326,12 @@ mod tests {
     }
 
     #[test]
-    fn what_passes_by_or_slides_or_moves_together_or_away_goes_where_it_goes() {
+    fn what_passes_by_or_moves_together_or_away_goes_where_it_goes() {
         let ways = [
             [(Vec3::ZERO, Vec3::X * 4.0), (Vec3::new(2.0, 0.21, 0.0), Vec3::new(2.0, 0.21, 0.0))],
             [(Vec3::ZERO, Vec3::X * 4.0), (Vec3::X * 0.15, Vec3::X * 4.11)],
             [(Vec3::ZERO, Vec3::ZERO), (Vec3::X * 0.1, Vec3::X * 4.0)],
             [(Vec3::ZERO, Vec3::X * 4.0), (Vec3::Y * 3.0, Vec3::NAN)],
-            // They touch, and the first one slides along the other, towards which something presses it.
-            [(Vec3::ZERO, Vec3::new(4.0, 0.3, 0.0)), (Vec3::Y * 0.19999, Vec3::Y * 0.19999)],
         ];
         for paths in ways {
             let ends = put(&paths, &[]);
