@@ -14,7 +14,7 @@ use crate::solver::failures::Failures;
 use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
-use crate::solver::particles::{PinnedMotion, PinnedMotions};
+use crate::solver::particles::{PinnedMotion, PinnedMotions, Vectors};
 use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Scratch};
 use crate::solver::settings::{Integrator, StepSettings};
 use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
@@ -56,6 +56,8 @@ pub(crate) struct Caches {
     balance: Balance,
     interleaved: Interleaved,
     scratch: Scratch,
+    /// Working memory: positions and velocities at the start of a tick.
+    before: [Vectors; 2],
     contacts: ContactCaches,
     surfaces: Surfaces,
     strain_limits: StrainLimits,

@@ -134,7 +134,7 @@ fn fallen(
     let cloth = Cloth { cells, size: 0.9, radius: RADIUS, stiffness, areal_density: 0.2, damping: 0.2 };
     let triangles = cloth.add(&mut state, Vec3::new(-0.45, 0.33, -0.45), [Vec3::X, Vec3::Z]);
     let viscosity = 5.0 / state.inverse_mass(0);
-    let settings = StepSettings { viscosity, ..settings.clone() };
+    let settings = StepSettings { viscosity, ..*settings };
     let allowed = 0.01 * f64::from(2.0 * RADIUS) + 1e-4;
     for tick in 0..60 * seconds {
         state.step(&settings);
@@ -149,7 +149,7 @@ fn fallen(
 
 fn falls_asleep(name: &str, state: &mut Solver, settings: &StepSettings) {
     let viscosity = 5.0 / state.inverse_mass(0);
-    let settings = StepSettings { viscosity, sleep: Some(Sleep::default()), ..settings.clone() };
+    let settings = StepSettings { viscosity, sleep: Some(Sleep::default()), ..*settings };
     let awake = (0..600).take_while(|_| {
         state.step(&settings);
         state.asleep_count() == 0
@@ -168,7 +168,7 @@ fn comes_to_rest(
 ) {
     let settings = StepSettings { substeps, ..falling(integrator, 1) };
     let mut state = fallen(collider, (cells, stiffness, seconds), &settings);
-    let moving = StepSettings { viscosity: 5.0 / state.inverse_mass(0), ..settings.clone() };
+    let moving = StepSettings { viscosity: 5.0 / state.inverse_mass(0), ..settings };
     let mut most = 0.0_f32;
     for _ in 0..30 {
         state.step(&moving);

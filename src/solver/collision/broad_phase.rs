@@ -7,7 +7,7 @@
 use bevy::math::Vec3;
 
 use super::chain_search::ChainSearch;
-use super::chains::{Chain, Durations, Proof};
+use super::chains::{Chain, Outlook, Proof};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -40,8 +40,8 @@ pub(super) struct BroadPhase {
     pub skins: Vec<f32>,
     /// The free chains.
     pub chains: Vec<Chain>,
-    /// The positions of their particles when their play was found, m; empty without springs.
-    pub chain_origins: Vectors,
+    /// From the particle before to each of theirs when their play was found, m; empty without springs.
+    pub chain_links: Vectors,
     /// Against gravity then; zero where there was none.
     pub up: Vec3,
     /// Whether any particle has a skin.
@@ -49,6 +49,9 @@ pub(super) struct BroadPhase {
     /// Number of searches still to come that do not look for free chains, and how many there were to be after the last one
     /// that did.
     pause: [u32; 2],
+    /// Number of ticks still to come that are not tried as a whole, and how many there were to be after the last one that
+    /// failed.
+    pub tick_pause: [u32; 2],
 }
 
 impl BroadPhase {
@@ -56,7 +59,7 @@ impl BroadPhase {
     pub fn fits(&self, count: usize) -> bool {
         let are_all = |vectors: &Vectors| vectors.axes().iter().all(|axis| axis.len() == count);
         let chains_fit = || {
-            are_all(&self.chain_origins)
+            are_all(&self.chain_links)
                 && self.chains.iter().all(|chain| !chain.slots().is_empty() && chain.slots().end <= count)
         };
         self.skins.len() == count && are_all(&self.origins) && (self.chains.is_empty() || chains_fit())
@@ -108,14 +111,14 @@ impl BroadPhase {
         search: &mut ChainSearch,
         particles: &Particles,
         exclusions: &Exclusions,
-        durations: Durations,
+        outlook: Outlook,
     ) {
-        let Self { skins, chains, chain_origins, pause: [left, whole], .. } = self;
+        let Self { skins, chains, chain_links, pause: [left, whole], .. } = self;
         if *left > 0 {
             *left -= 1;
             chains.clear();
         } else {
-            search.find(particles, exclusions, skins, durations, (chains, chain_origins));
+            search.find(particles, exclusions, skins, outlook, (chains, chain_links));
             *whole = if chains.is_empty() { (2 * *whole).clamp(1, MAX_PAUSE) } else { 0 };
             *left = *whole;
         }
@@ -134,7 +137,7 @@ impl BroadPhase {
     }
 
     /// What all have moved by, about, m. (Any vector will do: skins and boxes are compared without it.)
-    fn common_way(&self, particles: &Particles) -> Vec3 {
+    pub fn common_way(&self, particles: &Particles) -> Vec3 {
         mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot))
     }
 
@@ -145,10 +148,10 @@ impl BroadPhase {
             return worst;
         }
         let common = self.common_way(particles);
-        let Self { chains, chain_origins: origins, .. } = self;
+        let Self { chains, chain_links: links, .. } = self;
         pulp::Arch::new().dispatch(CheckChains {
             chains,
-            origins,
+            links,
             particles,
             exclusions,
             common,
@@ -178,7 +181,7 @@ impl BroadPhase {
 /// Checks the proofs of all free chains.
 struct CheckChains<'a> {
     chains: &'a mut [Chain],
-    origins: &'a mut Vectors,
+    links: &'a mut Vectors,
     particles: &'a Particles,
     exclusions: &'a Exclusions,
     /// What all have moved by, m.
@@ -193,11 +196,11 @@ impl pulp::WithSimd for CheckChains<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { chains, origins, particles, exclusions, common, substep, worst } = self;
+        let Self { chains, links, particles, exclusions, common, substep, worst } = self;
         for chain in chains {
-            let [outside, mut bent] = chain.proofs(&particles.position, origins, common);
+            let [outside, mut bent] = chain.proofs(&particles.position, links, common);
             if bent == Proof::Expires && chain.renew_play(particles, exclusions, substep) {
-                chain.note_origins(&particles.position, origins);
+                chain.note_links(&particles.position, links);
                 bent = Proof::Holds;
             }
             *worst = (*worst).max(outside).max(bent);

@@ -8,10 +8,10 @@ use crate::solver::state::Version;
 use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
 use super::chain_search::ChainSearch;
-use super::chains::{Durations, Proof};
+use super::chains::{Outlook, Proof, Sought};
 use super::grid::Grid;
-use super::list::{List, Past, slots};
-use super::memory::{ContactMemory, RememberedContact};
+use super::list::List;
+use super::memory::ContactMemory;
 use super::pairs::PairContacts;
 use super::regions::{Groups, Regions};
 
@@ -33,15 +33,15 @@ pub(super) struct Candidates {
     pub covered: Vec<bool>,
     chain_search: ChainSearch,
     /// Whether the free chains of the last search were so in this substep.
-    proof: Proof,
+    pub proof: Proof,
     pub regions: Regions,
     pub groups: Groups,
     /// The memory from which all this follows.
-    version: Option<Version>,
+    pub version: Option<Version>,
     /// The memory for which the exclusions were derived from springs, masses and radii.
-    exclusions_version: Option<Version>,
+    pub exclusions_version: Option<Version>,
     /// Whether contacts have been found since then that the memory does not hold yet.
-    ahead: bool,
+    pub ahead: bool,
 }
 
 impl Candidates {
@@ -69,18 +69,31 @@ impl Candidates {
         let exceeded = last.map(|last| self.is_exceeded(last, particles));
         self.refresh_exclusions(memory, particles, substep.elements);
         memory.age = memory.age.saturating_add(1);
-        if exceeded != Some(false) {
-            self.store(memory, contacts);
-            if exceeded == Some(true) {
-                memory.wide = should_be_wide(memory.wide, memory.age);
-            }
-            memory.age = 0;
-            self.search_anew(memory, particles, substep);
-            self.recall(memory, contacts);
-            self.entangle(memory, particles, previous);
-        } else {
-            self.derive(memory, contacts, particles);
+        if exceeded == Some(true) {
+            memory.wide = should_be_wide(memory.wide, memory.age);
         }
+        if exceeded != Some(false) {
+            return self.renew(memory, contacts, (particles, previous), substep, Sought::ForSubsteps);
+        }
+        self.derive(memory, contacts, particles);
+        self.version = Some(memory.version);
+        self.ahead = true;
+    }
+
+    /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `sought` are chains for it.
+    pub fn renew(
+        &mut self,
+        memory: &mut ContactMemory,
+        contacts: &mut PairContacts,
+        (particles, previous): (&Particles, &Vectors),
+        substep: Substep,
+        sought: Sought,
+    ) {
+        self.store(memory, contacts);
+        memory.age = 0;
+        self.search_anew(memory, particles, substep, sought);
+        self.recall(memory, contacts);
+        self.entangle(memory, particles, previous);
         self.version = Some(memory.version);
         self.ahead = true;
     }
@@ -132,40 +145,26 @@ impl Candidates {
         self.proof
     }
 
-    /// Writes the contacts into the memory.
-    pub fn store(&mut self, memory: &mut ContactMemory, contacts: &PairContacts) {
-        if !std::mem::take(&mut self.ahead) {
-            return;
-        }
-        let ContactMemory { contacts: remembered, entangled, version, .. } = memory;
-        remembered.clear();
-        entangled.clear();
-        for group in self.groups.iter() {
-            let slot = |place: usize| self.regions.slot_of[group.bodies.start + place];
-            remembered.extend(contacts.of(group).iter().map(|contact| RememberedContact {
-                slots: [slot(contact.first()), slot(contact.second())],
-                impulses: contact.impulses,
-            }));
-            if group.entangled {
-                let pairs = &self.list.pairs[group.pairs.clone()];
-                let pairs = pairs.iter().filter(|pair| pair.past == Past::Entangled);
-                entangled.extend(pairs.map(|pair| slots(&self.regions.slot_of, pair)));
-            }
-        }
-        *version = Version::new();
-        (self.version, self.exclusions_version) = (Some(*version), Some(*version));
-    }
-
     /// Searches the pairs at the present positions.
-    fn search_anew(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
+    fn search_anew(
+        &mut self,
+        memory: &mut ContactMemory,
+        particles: &Particles,
+        substep: Substep,
+        sought: Sought,
+    ) {
         let time_step = substep.settings.time_step;
         let ContactMemory { broad_phase, wide, crowded, .. } = memory;
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
         broad_phase.choose_skins(particles, &self.exclusions, (*wide, *crowded), time_step);
-        let durations =
-            Durations { time_step, substep: substep.duration, gravity: substep.settings.gravity.length() };
-        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, durations);
+        let outlook = Outlook {
+            time_step,
+            substep: substep.duration,
+            gravity: substep.settings.gravity.length(),
+            sought,
+        };
+        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, outlook);
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
             *crowded = true;
@@ -198,58 +197,14 @@ impl Candidates {
         regions.divide(origins, radius, *up);
         list.arrange(found, regions, groups, (origins, *up));
     }
-
-    /// Gives the listed pairs the past that the memory holds.
-    fn recall(&mut self, memory: &ContactMemory, contacts: &mut PairContacts) {
-        let Self { list, regions, .. } = self;
-        list.index(&regions.slot_of);
-        contacts.reserve(list.pairs.len());
-        let are_known = |slots: &[u32; 2]| slots.iter().all(|slot| memory.has_searched(*slot));
-        for contact in memory.contacts.iter().filter(|contact| are_known(&contact.slots)) {
-            let [upper, lower] = contact.slots;
-            if let Some(place) = list.find([upper.min(lower), upper.max(lower)]) {
-                let pair = &mut list.pairs[place];
-                pair.past = Past::Contact(place as u32);
-                let has_turned = regions.slot_of[pair.upper as usize] != upper;
-                contacts.current[place].impulses =
-                    if has_turned { contact.impulses.of_other() } else { contact.impulses };
-            }
-        }
-        for slots in memory.entangled.iter().filter(|slots| are_known(slots)) {
-            if let Some(place) = list.find(*slots) {
-                list.pairs[place].past = Past::Entangled;
-            }
-        }
-    }
-
-    /// Finds the pairs on springs that overlap when one of them is new: they do not collide until they part.
-    /// From now on no particle is new.
-    fn entangle(&mut self, memory: &mut ContactMemory, particles: &Particles, previous: &Vectors) {
-        let Self { list, exclusions, regions, .. } = self;
-        let are_new = |slots: [u32; 2]| !slots.iter().all(|slot| memory.has_searched(*slot));
-        let overlap = |[a, b]: [usize; 2]| {
-            let reach = particles.radius()[a] + particles.radius()[b];
-            previous.get(a).distance_squared(previous.get(b)) < reach * reach
-        };
-        if exclusions.any_sprung() {
-            for pair in list.pairs.iter_mut().filter(|pair| pair.past == Past::Apart) {
-                let slots = slots(&regions.slot_of, pair);
-                let ends = slots.map(|slot| slot as usize);
-                if ends.iter().all(|slot| exclusions.is_sprung(*slot)) && are_new(slots) && overlap(ends) {
-                    pair.past = Past::Entangled;
-                }
-            }
-        }
-        memory.searched.clear();
-        let is_sphere = |(slot, radius): (usize, &f32)| *radius > 0.0 && !exclusions.is_covered(slot);
-        memory.searched.extend(particles.radius().iter().enumerate().map(is_sphere));
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use bevy::math::Vec3;
 
+    use super::super::list::{Past, slots};
+    use super::super::memory::RememberedContact;
     use super::super::pairs::Impulses;
     use super::*;
     use crate::solver::elements::Spring;

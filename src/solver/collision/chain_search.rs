@@ -8,7 +8,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::broad_phase::mean;
-use super::chains::{Chain, Durations, MAX_LENGTH, MIN_LENGTH};
+use super::chains::{Chain, MAX_LENGTH, MIN_LENGTH, Outlook, Sought};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -55,24 +55,24 @@ pub(super) struct ChainSearch {
 }
 
 impl ChainSearch {
-    /// Lists the free chains, and notes where their particles are; others are as large as their `skins`, m. What was
-    /// free in the last search keeps its origins, m, while it has enough of its play left.
+    /// Lists the free chains, and notes their links; others are as large as their `skins`, m. What was
+    /// free in the last search keeps its links, m, while it has enough of its play left.
     pub fn find(
         &mut self,
         particles: &Particles,
         exclusions: &Exclusions,
         skins: &[f32],
-        durations: Durations,
-        (free, origins): (&mut Vec<Chain>, &mut Vectors),
+        outlook: Outlook,
+        (free, links): (&mut Vec<Chain>, &mut Vectors),
     ) {
         if !exclusions.any_sprung() {
             free.clear();
-            origins.resize(0);
+            links.resize(0);
             return;
         }
-        if origins.len() != particles.len() {
+        if links.len() != particles.len() {
             free.clear();
-            origins.copy_from(&particles.position);
+            links.resize(particles.len());
         }
         // All at once, so that nothing is allocated when more chains become free.
         let most = particles.len() / MIN_LENGTH;
@@ -83,7 +83,7 @@ impl ChainSearch {
         self.bounds.reserve(particles.len() + 1);
         self.keys.clear();
         self.keys.reserve(particles.len() + 1);
-        self.list_chains(particles, exclusions, durations.substep, (free, origins));
+        self.list_chains(particles, exclusions, outlook, (free, links));
         free.clear();
         if self.chains.is_empty() {
             return;
@@ -91,7 +91,7 @@ impl ChainSearch {
         let common = mean(particles.len(), |slot| particles.velocity.get(slot));
         for ticks in BOX_TICKS {
             for (chain, is_free) in self.chains.iter_mut().filter(|(_, is_free)| !is_free) {
-                chain.make_box(particles, common, ticks, durations);
+                chain.make_box(particles, common, ticks, outlook);
                 *is_free = true;
             }
             self.bound(particles, exclusions, skins);
@@ -105,13 +105,13 @@ impl ChainSearch {
         free.extend(self.chains.iter().filter(|(_, is_free)| *is_free).map(|(chain, _)| *chain));
     }
 
-    /// Lists the chains that do not touch themselves. The `last` ones were free.
+    /// Lists the chains of which no spheres touch each other. The `last` ones were free.
     fn list_chains(
         &mut self,
         particles: &Particles,
         exclusions: &Exclusions,
-        substep: f32,
-        (last, origins): (&[Chain], &mut Vectors),
+        outlook: Outlook,
+        (last, links): (&[Chain], &mut Vectors),
     ) {
         let (mut start, mut last) = (0, last.iter().peekable());
         let ends = exclusions.continues().iter().skip(1).map(|continues| !continues).chain([true]);
@@ -121,15 +121,24 @@ impl ChainSearch {
             if !(MIN_LENGTH..=MAX_LENGTH).contains(&slots.len()) || !slots.clone().any(is_sphere) {
                 continue;
             }
+            let collides_along = slots.clone().any(|slot| exclusions.is_covered(slot));
+            if collides_along && outlook.sought != Sought::ForTick {
+                continue;
+            }
             while last.next_if(|last| last.slots().start < slots.start).is_some() {}
             let known = last.next_if(|last| last.slots() == slots);
-            if let Some(chain) = known.filter(|chain| chain.has_play_left(&particles.position, origins)) {
+            if outlook.sought == Sought::ForTick {
+                // Most need none of their play.
+                self.chains.push((known.copied().unwrap_or(Chain::new(slots)), false));
+                continue;
+            }
+            if let Some(chain) = known.filter(|chain| chain.has_play_left(&particles.position, links)) {
                 self.chains.push((*chain, false));
                 continue;
             }
             let mut chain = Chain::new(slots);
-            if chain.renew_play(particles, exclusions, substep) {
-                chain.note_origins(&particles.position, origins);
+            if chain.renew_play(particles, exclusions, outlook.substep) {
+                chain.note_links(&particles.position, links);
                 self.chains.push((chain, false));
             }
         }
@@ -148,7 +157,7 @@ impl ChainSearch {
         for (number, (chain, _)) in chains.iter().enumerate() {
             bound_lone(bounds, particles, reach, next..chain.slots().start);
             next = chain.slots().end;
-            let reach = chain.slots().map(reach).fold(0.0, f32::max);
+            let reach = chain.slots().map(reach).fold(chain.radius, f32::max);
             let [least, most] = chain.reserved();
             bounds.push(Bounds { least: least - reach, most: most + reach, chain: Some(number) });
         }
@@ -227,12 +236,13 @@ mod tests {
     fn proofs_hold_while_nothing_can_touch() {
         let straight: Vec<_> = (0..20).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
         let (mut particles, exclusions) = rope(&straight);
-        let origins = particles.position.clone();
+        let mut links = Vectors::default();
         let (mut search, mut free, skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-        search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut Vectors::default()));
+        let outlook =
+            Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
+        search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
         assert_eq!((free.len(), free[0].slots()), (1, 0..20));
-        let proofs = |particles: &Particles| free[0].proofs(&particles.position, &origins, Vec3::ZERO);
+        let proofs = |particles: &Particles| free[0].proofs(&particles.position, &links, Vec3::ZERO);
         assert_eq!(proofs(&particles), [Proof::Holds; 2]);
         for (angle, expected) in [(0.4_f32, Proof::Holds), (0.5, Proof::Expires), (0.7, Proof::Fails)] {
             for slot in 0..20 {
@@ -245,25 +255,28 @@ mod tests {
         }
     }
 
-    /// A search keeps the origins of what has moved little since they were noted, and notes those of what has moved more.
+    /// A search keeps the links of what has bent little since they were noted, and notes those of what has bent more.
     #[test]
     fn play_that_is_left_is_kept() {
         let straight: Vec<_> = (0..20).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
         let (mut particles, exclusions) = rope(&straight);
         let (mut search, skins) = (ChainSearch::default(), vec![0.004; 20]);
-        let (mut free, mut origins) = (Vec::new(), Vectors::default());
-        let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
-        search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut origins));
-        let first = origins.clone();
+        let (mut free, mut links) = (Vec::new(), Vectors::default());
+        let outlook =
+            Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
+        search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
+        let first = links.clone();
         // Each link turns by 0.1 m · 2 sin(angle / 2), of a play of 0.06 m.
         for (angle, is_kept) in [(0.2_f32, true), (0.3, false)] {
             let (sin, cos) = bevy::math::ops::sin_cos(angle);
             for slot in 0..20 {
                 particles.position.set(slot, Vec3::new(cos, sin, 0.0) * 0.1 * slot as f32);
             }
-            search.find(&particles, &exclusions, &skins, durations, (&mut free, &mut origins));
+            search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
             assert_eq!(free.len(), 1);
-            assert_eq!(origins, if is_kept { first.clone() } else { particles.position.clone() }, "{angle}");
+            let mut present = first.clone();
+            free[0].note_links(&particles.position, &mut present);
+            assert_eq!(links, if is_kept { first.clone() } else { present }, "{angle}");
         }
     }
 
@@ -281,9 +294,10 @@ mod tests {
             }
             exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
-            let durations = Durations { time_step: 0.01, substep: 0.0025, gravity: 10.0 };
+            let outlook =
+                Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
             let found = (&mut free, &mut Vectors::default());
-            ChainSearch::default().find(&particles, &exclusions, &skins, durations, found);
+            ChainSearch::default().find(&particles, &exclusions, &skins, outlook, found);
             assert_eq!(free.len() == 1, is_free, "{height}");
         }
     }

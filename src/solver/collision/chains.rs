@@ -14,6 +14,7 @@ use std::ops::Range;
 
 use bevy::math::Vec3;
 
+use super::extents::{Coordinates, keeps_within};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -38,8 +39,8 @@ const KEPT_PLAY: f32 = 0.4;
 /// Number of substeps for which the play of a free chain is to last at the present velocities.
 const PLAY_SUBSTEPS: f32 = 2.0;
 
-/// Pairs of particles are tested together: a vector of AVX2.
-const LANES: usize = 8;
+/// Particles are tested together: a vector of AVX2.
+pub(super) const LANES: usize = 8;
 
 /// A free chain.
 #[derive(Debug, Clone, Copy, Default)]
@@ -49,12 +50,14 @@ pub(super) struct Chain {
     start: u32,
     end: u32,
     /// The corners of the box of the centres, m: that in which it need not be looked at again.
-    least: Vec3,
-    most: Vec3,
+    pub least: Vec3,
+    pub most: Vec3,
     /// What the box is larger on each side that nothing else reaches into, m.
-    margin: Vec3,
+    pub margin: Vec3,
     /// m.
-    play: f32,
+    pub play: f32,
+    /// The greatest radius of its particles, m.
+    pub radius: f32,
 }
 
 /// Whether it is known that a chain touches nothing.
@@ -86,66 +89,41 @@ impl Chain {
     }
 
     /// Whether so little of its play is used that it may keep it.
-    pub fn has_play_left(&self, positions: &Vectors, origins: &Vectors) -> bool {
+    pub fn has_play_left(&self, positions: &Vectors, links: &Vectors) -> bool {
         let [_, is_within] =
-            self.keeps_within([positions, origins], (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
+            keeps_within(self, (0, positions.axes()), links, (Vec3::ZERO, Vec3::ZERO), KEPT_PLAY * self.play);
         is_within
     }
 
-    /// Makes the positions of its particles those from which its play counts.
-    pub fn note_origins(&self, positions: &Vectors, origins: &mut Vectors) {
-        for (origins, here) in origins.axes_mut().into_iter().zip(positions.axes()) {
-            origins[self.slots()].copy_from_slice(&here[self.slots()]);
+    /// Makes the present links those from which its play counts.
+    pub fn note_links(&self, positions: &Vectors, links: &mut Vectors) {
+        for (links, here) in links.axes_mut().into_iter().zip(positions.axes()) {
+            let (links, here) = (&mut links[self.slots()], &here[self.slots()]);
+            links[0] = 0.0;
+            links[1..].iter_mut().zip(here.windows(2)).for_each(|(link, ends)| *link = ends[1] - ends[0]);
         }
-    }
-
-    /// Whether all centres less `common` are in the box grown by `margin`, and whether the relative motion of neighbours
-    /// is within `play`.
-    #[inline(always)]
-    fn keeps_within(
-        &self,
-        [positions, origins]: [&Vectors; 2],
-        (common, margin): (Vec3, Vec3),
-        play: f32,
-    ) -> [bool; 2] {
-        let (least, most) = (self.least + common - margin, self.most + common + margin);
-        let (slots, limit) = (self.slots(), play * play);
-        let count = slots.len();
-        let [x, y, z] = positions.axes();
-        let (x, y, z) = (&x[slots.clone()], &y[slots.clone()], &z[slots.clone()]);
-        let [from_x, from_y, from_z] = origins.axes();
-        let (from_x, from_y, from_z) = (&from_x[slots.clone()], &from_y[slots.clone()], &from_z[slots]);
-        // Numbers as wide as coordinates: the compiler makes vectors of them. 0 for NaN.
-        let is_inside = |place: usize| {
-            let inside = |x: f32, axis: usize| u32::from(x >= least[axis]) & u32::from(x <= most[axis]);
-            inside(x[place], 0) & inside(y[place], 1) & inside(z[place], 2)
-        };
-        let (mut inside, mut within) = (is_inside(0), 1);
-        for place in 1..count {
-            inside &= is_inside(place);
-            let change_x = (x[place] - x[place - 1]) - (from_x[place] - from_x[place - 1]);
-            let change_y = (y[place] - y[place - 1]) - (from_y[place] - from_y[place - 1]);
-            let change_z = (z[place] - z[place - 1]) - (from_z[place] - from_z[place - 1]);
-            let change_squared = change_x * change_x + change_y * change_y + change_z * change_z;
-            within &= u32::from(change_squared <= limit);
-        }
-        [inside == 1, within == 1]
     }
 
     /// Whether it touches nothing else, and not itself; `common` is what all have moved by, m.
     #[inline(always)]
-    pub fn proofs(&self, positions: &Vectors, origins: &Vectors, common: Vec3) -> [Proof; 2] {
-        let motion = [positions, origins];
-        let hold = self.keeps_within(motion, (common, Vec3::ZERO), USED_PLAY * self.play);
+    pub fn proofs(&self, positions: &Vectors, links: &Vectors, common: Vec3) -> [Proof; 2] {
+        let positions = (0, positions.axes());
+        let hold = keeps_within(self, positions, links, (common, Vec3::ZERO), USED_PLAY * self.play);
         if hold == [true; 2] {
             return [Proof::Holds; 2];
         }
-        let may_go_on = self.keeps_within(motion, (common, self.margin), self.play);
+        let may_go_on = keeps_within(self, positions, links, (common, self.margin), self.play);
         [0, 1].map(|place| match (hold[place], may_go_on[place]) {
             (true, _) => Proof::Holds,
             (false, true) => Proof::Expires,
             (false, false) => Proof::Fails,
         })
+    }
+
+    /// Whether it touches nothing, as all of it is in what is reserved for it and none of its play is exceeded.
+    #[inline(always)]
+    pub fn is_free(&self, positions: Coordinates, links: &Vectors, common: Vec3) -> bool {
+        keeps_within(self, positions, links, (common, self.margin), self.play) == [true; 2]
     }
 
     /// Finds its play at the present positions; whether it is enough for some substeps of
@@ -165,7 +143,7 @@ impl Chain {
         particles: &Particles,
         common: Vec3,
         ticks: f32,
-        Durations { time_step, substep, gravity }: Durations,
+        Outlook { time_step, substep, gravity, .. }: Outlook,
     ) {
         let (mut least, mut most) = ([Vec3::INFINITY; 2], [Vec3::NEG_INFINITY; 2]);
         let mut speed_squared = 0.0_f32;
@@ -175,6 +153,7 @@ impl Chain {
             most = [most[0].max(position), most[1].max(velocity)];
             speed_squared = speed_squared.max(velocity.length_squared());
         }
+        self.radius = particles.radius()[self.slots()].iter().copied().fold(0.0, f32::max);
         let (duration, speed) = (ticks * time_step, speed_squared.sqrt());
         let along = least[1].abs().max(most[1].abs());
         let across = CHANGE_ACROSS * speed;
@@ -248,12 +227,25 @@ impl pulp::WithSimd for Play<'_> {
     }
 }
 
-/// s, s and m/s².
+/// What chains are searched for.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Durations {
+pub(super) struct Outlook {
+    /// s.
     pub time_step: f32,
+    /// s.
     pub substep: f32,
+    /// m/s².
     pub gravity: f32,
+    pub sought: Sought,
+}
+
+/// Which chains are searched for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sought {
+    /// Those of which no spheres touch each other.
+    ForSubsteps,
+    /// All that touch nothing else, whether they collide as spheres or along their links: whether they touch themselves is found in the tick.
+    ForTick,
 }
 
 #[cfg(test)]
@@ -282,13 +274,15 @@ pub(super) mod tests {
         for count in MIN_LENGTH..3 * LANES {
             let straight: Vec<_> = (0..count).map(|slot| Vec3::X * 0.1 * slot as f32).collect();
             let (particles, _) = rope(&straight);
-            let origins = particles.position.clone();
+            let (origins, mut links) = (particles.position.clone(), Vectors::default());
+            links.resize(count);
             let mut chain = Chain::new(0..count);
+            chain.note_links(&origins, &mut links);
             (chain.least, chain.most) = (Vec3::splat(-0.5), Vec3::splat(0.1 * count as f32));
             let check = |place: usize, way: Vec3| {
                 let mut moved = origins.clone();
                 moved.set(place, origins.get(place) + way);
-                chain.keeps_within([&moved, &origins], (Vec3::ZERO, Vec3::ZERO), 0.02)
+                keeps_within(&chain, (0, moved.axes()), &links, (Vec3::ZERO, Vec3::ZERO), 0.02)
             };
             for place in 0..count {
                 for axis in Vec3::AXES {
@@ -296,7 +290,7 @@ pub(super) mod tests {
                     assert_eq!(check(place, 0.021 * axis), [true, false], "{place} of {count}");
                     assert_eq!(check(place, 10.0 * axis), [false, false], "{place} of {count}");
                     assert_eq!(check(place, -10.0 * axis), [false, false], "{place} of {count}");
-                    assert_eq!(check(place, f32::NAN * axis), [false, false], "{place} of {count}");
+                    assert!(!check(place, f32::NAN * axis)[1], "{place} of {count}");
                 }
             }
         }

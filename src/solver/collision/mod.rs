@@ -5,8 +5,8 @@
 //! what is tangential. A pinned particle has infinite mass.
 //!
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
-//! `sweep.rs` what is too fast; `chains.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
-//! which pairs may touch; `narrow.rs` which do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
+//! `sweep.rs` what is too fast; `chains.rs`, `extents.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
+//! which pairs may touch, `recall.rs` what is known of them; `whole_ticks.rs` ticks in which nothing can; `narrow.rs` which pairs do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
 //! `touch.rs` the three kinds of contact, `solve.rs` the order in which they are solved. Colliders: `collider.rs` their poses, `shapes/`
 //! their geometry, `material.rs` restitution, friction and layers, `touch_search.rs` which particles touch them, `feature_search.rs`
 //! which edges and triangles do, `guard.rs` what would pass through, `presence.rs` whether they have changed. `rest.rs`: what stays
@@ -20,6 +20,7 @@ mod cells;
 mod chain_search;
 mod chains;
 mod collider;
+mod extents;
 mod feature_search;
 mod features;
 mod few;
@@ -35,6 +36,7 @@ mod pairs;
 mod plane;
 mod presence;
 mod reach;
+mod recall;
 mod record;
 mod regions;
 mod response;
@@ -47,6 +49,7 @@ mod surface;
 mod sweep;
 mod touch;
 mod touch_search;
+mod whole_ticks;
 
 use bevy::math::{Vec3, Vec3A};
 
@@ -58,6 +61,7 @@ use candidates::Candidates;
 use chains::Proof;
 pub use collider::Collider;
 use collider::Placed;
+use extents::Lead;
 use feature_search::FeatureSearch;
 use features::Features;
 pub(super) use features::{Feature, sum, weigh};
@@ -94,6 +98,8 @@ pub(super) struct ContactCaches {
     feature_search: FeatureSearch,
     guard: Guard,
     bodies: Vec<Body>,
+    /// Of the free chains in a tick that is taken as a whole, by what they do not touch themselves.
+    leads: Vec<Lead>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
     has_previous: bool,

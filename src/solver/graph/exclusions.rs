@@ -61,8 +61,7 @@ impl Exclusions {
         overlapping.clear();
         let springs = elements.springs();
         for (&[first, second], spring) in springs.all_ends().iter().zip(springs.elements()) {
-            let is_sphere = is_covered.get(first as usize) != Some(&true);
-            if spring.stiffness > 0.0 && first.abs_diff(second) == 1 && is_sphere {
+            if spring.stiffness > 0.0 && first.abs_diff(second) == 1 {
                 continues[first.max(second) as usize] = true;
             }
             let reach = radius[first as usize] + radius[second as usize];

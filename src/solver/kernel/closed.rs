@@ -15,11 +15,16 @@ pub(in crate::solver) struct Substeps<'a> {
     pub count: u32,
     /// Of each substep, s.
     pub duration: f32,
-    /// The pinned particles that move, in the order of their slots. After the last substep they are left to the caller.
+    /// The pinned particles that move, in the order of their slots.
     pub pinned: &'a [PinnedMotion],
     /// All of the tick, s.
     pub time_step: f32,
+    /// Called after each substep.
+    pub check: Option<&'a Check<'a>>,
 }
+
+/// Is told the first slot of a block, the coordinates of its particles, m, and how many substeps are done; whether to go on.
+pub(in crate::solver) type Check<'a> = dyn Fn(usize, [&[f32]; 3], u32) -> bool + Sync + 'a;
 
 /// The particles of a closed block; all arrays are of these.
 pub(in crate::solver) struct Closed<'a> {
@@ -67,6 +72,13 @@ impl Closed<'_> {
     #[inline(always)]
     pub(super) fn next(&self) -> Next {
         if is_undriven(self.is_unpushed, self.field) { Next::Nothing } else { Next::Drive }
+    }
+
+    /// Whether to go on after a number of substeps.
+    #[inline(always)]
+    pub(super) fn goes_on(&self, done: u32) -> bool {
+        let [x, y, z] = &self.position;
+        self.substeps.check.is_none_or(|check| check(self.block.slots.start, [x, y, z], done))
     }
 
     /// Puts the pinned particles where they are after a number of substeps.

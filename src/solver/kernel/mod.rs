@@ -21,7 +21,7 @@ use crate::solver::graph::block::{Block, MIN_RUN};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
 use accelerations::block_accelerations;
-pub(super) use closed::{Closed, Substeps};
+pub(super) use closed::{Check, Closed, Substeps};
 pub(super) use in_air::{CorrectInAir, PredictInAir};
 pub(super) use semi_implicit::{Advance, AdvanceInPlace, Moved};
 pub(super) use verlet::{Correct, Predict, VerletInPlace};

@@ -80,8 +80,9 @@ impl pulp::WithSimd for &mut AdvanceInPlace<'_> {
                     );
                 }
             }
-            if substep < count {
-                closed.move_pinned(substep);
+            closed.move_pinned(substep);
+            if !closed.goes_on(substep) {
+                return;
             }
         }
     }
@@ -202,7 +203,13 @@ mod tests {
                         is_unpushed: false,
                         position,
                         velocity,
-                        substeps: Substeps { count: 1, duration: substep, pinned: &[], time_step: substep },
+                        substeps: Substeps {
+                            count: 1,
+                            duration: substep,
+                            pinned: &[],
+                            time_step: substep,
+                            check: None,
+                        },
                     };
                     run(&mut AdvanceInPlace { closed, acceleration });
                 } else {

@@ -93,6 +93,9 @@ impl pulp::WithSimd for &mut VerletInPlace<'_> {
             }
             if substep < count {
                 self.closed.move_pinned(substep + 1);
+                if !self.closed.goes_on(substep + 1) {
+                    return;
+                }
             }
         }
     }

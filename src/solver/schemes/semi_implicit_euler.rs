@@ -16,7 +16,7 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
     let Stage { particles, blocks, elements, field, acceleration, scratch, gas, .. } = stage;
     let field = gas.evaluate(elements.gases(), &particles.position, *field);
     if blocks.are_closed() {
-        let substeps = Substeps { count: 1, duration: substep, pinned: &[], time_step: substep };
+        let substeps = Substeps { count: 1, duration: substep, pinned: &[], time_step: substep, check: None };
         return advance_in_place(particles, blocks, (&field, acceleration), substeps);
     }
     scratch.position.resize(particles.len());

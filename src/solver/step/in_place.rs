@@ -9,11 +9,17 @@
 //! ```
 //!
 //! The results have the same bits as those of one substep of all blocks after the other.
+//!
+//! What might touch is looked at after each substep: where something does not hold by which nothing touches, all is put back, and the tick
+//! is taken with contacts.
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Caches, Inputs, Plan, State, StepSettings};
+use crate::solver::collision::Substep;
 use crate::solver::field::Field;
 use crate::solver::particles::PinnedMotion;
-use crate::solver::schemes::{self, Substeps};
+use crate::solver::schemes::{self, Check, Substeps};
 
 impl Caches {
     /// Advances all particles by all substeps of a tick, each of `duration` seconds, if nothing happens between them but that pinned
@@ -28,11 +34,55 @@ impl Caches {
         if !self.may_advance_in_place(state, plan) {
             return false;
         }
-        let Self { blocks, scratch, motions, .. } = self;
+        let may_touch = self.contacts.is_active();
+        let with_edges = self.surfaces.are_active();
+        let Self { blocks, scratch, motions, contacts, surfaces, before, .. } = self;
         let Some(pinned) = in_order(&inputs.pinned, motions) else { return false };
-        let substeps = Substeps { count: plan.substeps, duration, pinned, time_step: settings.time_step };
-        let field = Field::of(settings, None);
-        schemes::advance_in_place(plan.integrator, field, blocks, &mut state.particles, scratch, substeps);
+        let State { elements, particles, contacts: memory, .. } = state;
+        let watch = if may_touch {
+            let Inputs { colliders, skins, .. } = inputs;
+            let (acceleration, integrator, elapsed) = (&scratch.acceleration, plan.integrator, 0.0);
+            let substep =
+                Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed };
+            let Some(watch) = contacts.watch(memory, particles, substep, with_edges) else { return false };
+            before[0].copy_from(&particles.position);
+            before[1].copy_from(&particles.velocity);
+            Some(watch)
+        } else {
+            None
+        };
+        let has_held = AtomicBool::new(true);
+        let check = watch.as_ref().map(|watch| {
+            |first: usize, positions: [&[f32]; 3], done: u32| {
+                if !watch.holds((first, positions), done) {
+                    has_held.store(false, Ordering::Relaxed);
+                }
+                has_held.load(Ordering::Relaxed)
+            }
+        });
+        let check = check.as_ref().map(|check| check as &Check);
+        let (count, time_step) = (plan.substeps, settings.time_step);
+        let substeps = Substeps { count, duration, pinned, time_step, check };
+        schemes::advance_in_place(
+            plan.integrator,
+            Field::of(settings, None),
+            blocks,
+            particles,
+            scratch,
+            substeps,
+        );
+        if may_touch {
+            let has_held = has_held.into_inner();
+            contacts.end_watch(memory, has_held, plan.substeps);
+            if !has_held {
+                std::mem::swap(&mut particles.position, &mut before[0]);
+                std::mem::swap(&mut particles.velocity, &mut before[1]);
+                return false;
+            }
+            if with_edges {
+                surfaces.rest(memory);
+            }
+        }
         for _ in 0..plan.substeps {
             state.releases.iter_mut().for_each(|release| release.time_left -= duration);
         }
@@ -46,7 +96,8 @@ impl Caches {
             && schemes::may_advance_in_place(plan.integrator, &self.blocks)
             && self.air.load().is_none()
             && !(elements.any_ramps() || elements.gases().any_act())
-            && !(self.contacts.is_active() || self.strain_limits.any() || self.failures.any())
+            && (!self.surfaces.are_active() || self.surfaces.are_rows())
+            && !(self.strain_limits.any() || self.failures.any())
     }
 }
 
@@ -145,7 +196,9 @@ mod tests {
             let colliders = if may_touch { vec![far] } else { Vec::new() };
             let inputs = Inputs { pinned: motions(&state, tick), colliders, ..Inputs::default() };
             step(&mut state, &inputs, &mut caches, &mut outputs, settings);
-            in_place += usize::from(tick != 2 && caches.may_advance_in_place(&state, outputs.plan));
+            let is_in_place =
+                caches.may_advance_in_place(&state, outputs.plan) && !caches.contacts.is_active();
+            in_place += usize::from(tick != 2 && is_in_place);
             [state.particles.position.clone(), state.particles.velocity.clone()]
         });
         (history.collect(), in_place)
@@ -189,6 +242,71 @@ mod tests {
                 assert_ne!(found[4], found[3]);
             }
         }
+    }
+
+    /// Ropes that hang side by side from their first particles, as spheres that touch nothing; with `lone`, one more sphere falls far away:
+    /// then contacts are looked for in each substep.
+    fn ropes_of_spheres(lone: bool) -> State {
+        let mut state = State::default();
+        let State { particles, elements, .. } = &mut state;
+        for slot in 0..6 * 20_u32 {
+            let (rope, number) = (slot / 20, slot % 20);
+            let position = Vec3::new(0.07 * number as f32, -0.07 * number as f32, 0.5 * rope as f32);
+            particles.push(position, Vec3::ZERO, if number == 0 { 0.0 } else { 10.0 }, 0.02);
+            if number > 0 {
+                let spring = Spring { rest_length: 0.1, stiffness: 1e3, damping: 0.1, ..Spring::default() };
+                elements.push([slot - 1, slot], spring);
+            }
+        }
+        if lone {
+            particles.push(Vec3::X * 1e3, Vec3::ZERO, 10.0, 0.02);
+        }
+        state
+    }
+
+    /// Also where a sudden force leads a rope out of what is reserved for it: that tick is put back, and taken with contacts.
+    #[test]
+    fn ticks_of_free_ropes_are_taken_at_once_and_to_the_bit_as_with_contacts() {
+        for collide_springs in [false, true] {
+            ticks_are_taken_at_once(StepSettings {
+                integrator: Integrator::SemiImplicitEuler,
+                substeps: SubstepMode::Fixed(8),
+                gravity: Vec3::NEG_Y * 9.81,
+                pair_rules: Some(Default::default()),
+                collide_springs,
+                ..StepSettings::default()
+            });
+        }
+    }
+
+    fn ticks_are_taken_at_once(settings: StepSettings) {
+        let far = Collider::half_space(Vec3::NEG_Y * 50.0, Vec3::Y, 0.5, 0.5);
+        let history = |lone: bool| {
+            let (mut state, mut caches, mut outputs) =
+                (ropes_of_spheres(lone), Caches::default(), Outputs::default());
+            let (mut positions, mut pauses) = (Vec::new(), Vec::new());
+            for tick in 0..60 {
+                let force = if tick == 40 { Vec3::Z * 40.0 } else { Vec3::ZERO };
+                state.particles.applied_force.set(30, force);
+                let inputs = Inputs { colliders: vec![far.clone()], ..Inputs::default() };
+                step(&mut state, &inputs, &mut caches, &mut outputs, &settings);
+                assert_eq!(outputs.contact_count, 0, "tick {tick}");
+                positions.push((0..120).map(|slot| state.particles.position.get(slot)).collect::<Vec<_>>());
+                pauses.push(state.contacts.ticks_to_pause());
+            }
+            (positions, pauses)
+        };
+        let (expected, pauses) = history(true);
+        assert_eq!(pauses, [None; 60], "with a lone sphere no tick is taken at once");
+        let (found, pauses) = history(false);
+        // From rest a box is too small at first.
+        let is_taken = |pause: &Option<u32>| *pause == Some(0);
+        assert!(pauses[2..40].iter().all(is_taken) && !is_taken(&pauses[40]), "{pauses:?}");
+        assert!(pauses[41..].iter().any(is_taken), "{pauses:?}");
+        for (tick, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert_eq!(found, expected, "tick {tick}");
+        }
+        assert!(found[40][30].z - found[39][30].z > 0.03);
     }
 
     #[test]

@@ -111,11 +111,31 @@ impl Surfaces {
         }
         self.is_active = any && self.primitives.any;
         if !self.is_active {
-            memory.grips.clear();
-            self.contacts.clear();
-            self.bodies.clear();
-            self.advance.clear();
+            self.clear(memory);
         }
+    }
+
+    fn clear(&mut self, memory: &mut ContactMemory) {
+        memory.grips.clear();
+        self.contacts.clear();
+        self.bodies.clear();
+        self.advance.clear();
+    }
+
+    /// Whether any may touch in this tick.
+    pub fn are_active(&self) -> bool {
+        self.is_active
+    }
+
+    /// Whether all that may touch in this tick are rows of edges, without a triangle.
+    pub fn are_rows(&self) -> bool {
+        self.is_active && self.primitives.are_rows
+    }
+
+    /// To be called when a tick has been taken in which none could touch.
+    pub fn rest(&mut self, memory: &mut ContactMemory) {
+        self.clear(memory);
+        self.search.reset();
     }
 
     /// Whether the particle in each slot is no sphere of its own; empty if all are.

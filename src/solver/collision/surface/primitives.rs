@@ -44,6 +44,8 @@ pub(super) struct Primitives {
     pub near: Near,
     /// Whether there is anything but spheres.
     pub any: bool,
+    /// Whether that is edges only, each between neighbours in the order of slots.
+    pub are_rows: bool,
     /// How large each body is, at most, at rest, m.
     pub sizes: Vec<f32>,
     /// Working memory.
@@ -104,6 +106,7 @@ impl Primitives {
         let corners = edges.as_flattened().iter().chain(triangles.as_flattened());
         corners.for_each(|corner| self.on_mesh[*corner as usize] = true);
         self.any = self.on_mesh.contains(&true);
+        self.are_rows = triangles.is_empty() && edges.iter().all(|[one, other]| one.abs_diff(*other) == 1);
         self.covered.clear();
         self.covered.extend(
             self.on_mesh

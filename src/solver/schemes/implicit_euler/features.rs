@@ -133,9 +133,7 @@ impl Contacts {
             });
         }
     }
-}
 
-impl Contacts {
     /// To be called when a step has been solved: adds what is deep in an obstacle and has no contact, as it began beside it; whether there
     /// is any, so that the step is to be solved again.
     pub fn add_missed(
