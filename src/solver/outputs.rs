@@ -80,8 +80,7 @@ impl Outputs {
         self.gases.extend(elements.gases().all().iter().map(reading));
     }
 
-    /// Computes the forces. `solved` has the tensions of the elements that rest, or whose equations were solved; of others
-    /// NaN.
+    /// Computes the forces. `solved` has the tensions, N, of elements that rest and of elements in implicit steps, and NaN for all others.
     pub(super) fn end_tick(&mut self, elements: &Elements, particles: &Particles, solved: &[f64]) {
         let Self { tensions, reactions, forces, gradient, .. } = self;
         tensions.resize(elements.len(), 0.0);

@@ -167,9 +167,10 @@ impl<const COUNT: usize> Extent<COUNT> {
         }
     }
 
+    /// Whether none is outside of the box, or NaN.
     #[inline(always)]
     fn is_inside(&self) -> bool {
-        self.room.iter().all(|room| *room >= 0.0)
+        self.room.iter().all(|room| *room >= 0.0) && !self.sum.iter().any(|sum| sum.is_nan())
     }
 
     /// Whether no square of a change is more than this, or NaN.

@@ -87,36 +87,23 @@ impl Obstacle {
     }
 
     /// The point of an edge (`count` 2) or triangle that is deepest in it at the end of straight paths of the corners, and it
-    /// as that point meets it; `None` if none touches but corners.
+    /// as that point meets it, on the way where it `is_swept`; `None` if none touches but corners.
     pub fn deepest(
         &self,
         count: usize,
-        [start, end]: [[DVec3; 3]; 2],
+        ([start, end], is_swept): ([[DVec3; 3]; 2], bool),
         radii: [f64; 3],
         duration: f64,
     ) -> Option<(Self, [f64; 3])> {
         let Form::Solid { shape, from, to, .. } = &self.form else { return None };
         let before = start.map(|corner| from.to_local(corner));
         let local = end.map(|corner| to.to_local(corner));
-        if let Some(found) = shape.swept(&Ways { from: before, to: local, count }, radii) {
+        let ways = Ways { from: before, to: local, count };
+        if let Some(found) = is_swept.then(|| shape.swept(&ways, radii)).flatten() {
             let normal = to.direction(shape, found.normal);
             let form = Form::HalfSpace { point: to.to_world(found.foot), normal };
             return Some((Self { form, ..self.clone() }, found.weights));
         }
-        self.deepest_of_slow(count, [start, end], radii, duration)
-    }
-
-    /// The same without a sweep.
-    pub fn deepest_of_slow(
-        &self,
-        count: usize,
-        [start, end]: [[DVec3; 3]; 2],
-        radii: [f64; 3],
-        duration: f64,
-    ) -> Option<(Self, [f64; 3])> {
-        let Form::Solid { shape, from, to, .. } = &self.form else { return None };
-        let before = start.map(|corner| from.to_local(corner));
-        let local = end.map(|corner| to.to_local(corner));
         let within = 0.5 * duration * RECOVERY + longest(before, local);
         let find = |corners: [DVec3; 3]| match count {
             2 => shape.deepest_on_edge([corners[0], corners[1]], [radii[0], radii[1]], within),

@@ -125,19 +125,23 @@ impl pulp::WithSimd for WillBeFree<'_> {
             // Spheres may have play.
             let turns = if with_edges { MAX_TURNS } else { 0 };
             for _ in 0..turns {
-                if !is_found {
-                    lead.direction = turned(lead.direction, chain, ahead);
-                    is_found = leads_ahead(lead);
+                if is_found {
+                    break;
                 }
+                lead.direction = turned(lead.direction, chain, ahead);
+                is_found = leads_ahead(lead);
             }
             lead.distance = 2.0 * LEAD * chain.radius;
             if is_found && leads_on(simd, chain, here, (now, chain.margin), lead) {
                 leads.push(lead);
                 continue;
             }
+            if with_edges {
+                return false;
+            }
             leads.push(Lead::default());
             let [outside, bent] = chain.proofs(ahead, links, then);
-            if with_edges || outside != Proof::Holds {
+            if outside != Proof::Holds {
                 return false;
             }
             if bent != Proof::Holds {

@@ -8,7 +8,7 @@ use crate::solver::particles::Particles;
 /// be below the sum of the radii without being shorter.
 const MEASURING_ERROR: f32 = 1e-4;
 
-/// Whether the ends of a spring, whose radii add up to `reach` m, overlap at its `rest_length`, m.
+/// Whether the two ends of a spring overlap at its `rest_length`, m; `reach` is the sum of their radii, m.
 pub(in crate::solver) fn overlap_at_rest(rest_length: f64, reach: f32) -> bool {
     rest_length < f64::from((1.0 - MEASURING_ERROR) * reach)
 }
@@ -27,8 +27,8 @@ pub(in crate::solver) fn sprung_pinned(elements: &Elements, particles: &Particle
 /// Derived anew with each search for candidates: then a spring, a radius or a mass has changed.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Exclusions {
-    /// For each particle those in higher slots that overlap it at rest: a spring joins the two whose rest length
-    /// is shorter than their radii together.
+    /// For each particle the higher slots of particles that overlap it at rest: the rest length of a spring between the two is
+    /// less than the sum of their radii.
     excluded: Buckets<u32>,
     /// Whether a spring pulls at each particle.
     sprung: Vec<bool>,

@@ -46,7 +46,8 @@ impl Hierarchy {
     }
 }
 
-/// Groups each member whose neighbourhood is still free with that, and the others with a neighbour.
+/// Makes a group of each member and its neighbours where none of these is in a group yet, and adds each other member to the group of a
+/// neighbour.
 /// (Vaněk, Mandel and Brezina, *Computing* 56, 179, 1996.)
 fn aggregate(members: usize, links: &[(u32, [u32; 2])]) -> (Vec<u32>, usize) {
     let mut pairs: Vec<(u32, u32)> =

@@ -16,7 +16,7 @@ use crate::solver::pulls::Pulls;
 /// Number of times, at most, that a step is done again.
 const MAX_ROUNDS: usize = 3;
 
-/// The part of the contacts of surfaces that more of them must exceed for a step to be done again: one in so many.
+/// A step is done again if it has added more than 1 / `FEW` of the contacts of surfaces that were known before.
 const FEW: usize = 8;
 
 const NO_ISLAND: u32 = u32::MAX;

@@ -84,7 +84,7 @@ impl Island {
                 let to = nodes.map(|node| system.position[node]);
                 let mut any = false;
                 obstacles.near_feature((slots[0], surroundings), [from, to], radii, h, |obstacle, _| {
-                    any |= obstacle.deepest(feature.count, [from, to], radii, h).is_some_and(
+                    any |= obstacle.deepest(feature.count, ([from, to], true), radii, h).is_some_and(
                         |(obstacle, weights)| obstacle.gap(sum(to, weights), weigh(radii, weights)).0 < 0.0,
                     );
                 });
@@ -111,7 +111,7 @@ impl Contacts {
             let to = nodes.map(|node| if node < elimination.free { flight[node] } else { start[node] });
             let seen = (slots[0], surroundings);
             obstacles.near_feature(seen, [from, to], radii, h, |obstacle, coefficients| {
-                let found = obstacle.deepest(feature.count, [from, to], radii, h);
+                let found = obstacle.deepest(feature.count, ([from, to], true), radii, h);
                 let Some((met, weights)) = found else { return };
                 let is_swept = !met.is_curved();
                 let (_, facing) = met.gap(sum(to, weights), weigh(radii, weights));
@@ -123,7 +123,7 @@ impl Contacts {
                 add(met, weights);
                 // What is fast meets a plane on its way, at a point that is the deepest one there only; if it is not on the other side of
                 // the solid then, that follows.
-                let slow = is_swept.then(|| obstacle.deepest_of_slow(feature.count, [from, to], radii, h));
+                let slow = is_swept.then(|| obstacle.deepest(feature.count, ([from, to], false), radii, h));
                 if let Some((solid, weights)) = slow.flatten() {
                     let (_, normal) = solid.gap(sum(to, weights), weigh(radii, weights));
                     if normal.dot(facing) > OPPOSITE {
@@ -155,7 +155,7 @@ impl Contacts {
             let radii = slots.map(|slot| f64::from(particles.radius()[slot]));
             let [from, to] = [nodes.map(|node| start[node]), nodes.map(|node| position[node])];
             obstacles.near_feature((slots[0], surroundings), [to, to], radii, 0.0, |obstacle, coefficients| {
-                let Some((solid, weights)) = obstacle.deepest_of_slow(feature.count, [to, to], radii, 0.0) else { return };
+                let Some((solid, weights)) = obstacle.deepest(feature.count, ([to, to], false), radii, 0.0) else { return };
                 let (gap, normal) = solid.gap(sum(to, weights), weigh(radii, weights));
                 // What came from the other side is held by a plane that it has met.
                 let came = solid.gap(sum(from, weights), 0.0).1;
