@@ -81,7 +81,7 @@ use response::Rebound;
 pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
 pub(super) use surface::{StiffContact, Surfaces};
-use sweep::Sweep;
+use sweep::{Response, Sweep};
 use touch_search::Touches;
 
 /// What contacts compute with. All of it follows from [`ContactMemory`], particles and springs: a new one gives the same.
@@ -262,24 +262,33 @@ impl ContactCaches {
         }
         candidates.derive(memory, pair_contacts, particles);
         let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
+        let is_swept = |slot| last.is_none_or(|last| last.has_skin(slot));
+        if !sweep.find_fast(particles, previous, is_swept) {
+            return false;
+        }
         let mut grid = std::mem::take(&mut candidates.grid);
         let exclusions = &candidates.exclusions;
-        let any = sweep.put_back(
-            &mut grid,
-            particles,
-            previous,
-            |slot| last.is_none_or(|last| last.has_skin(slot)),
-            |particles| candidates.found_pairs(memory, particles),
-            |particles, slots| {
-                let both = |are: &dyn Fn(usize) -> bool| slots.iter().all(|slot| are(*slot as usize));
-                let is_net = both(&|slot| exclusions.is_sprung(slot));
-                let solved_elsewhere =
-                    both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
-                let layers = slots.map(|slot| material::skin_of(substep.skins, slot as usize).layers);
-                let may_meet = substep.skins.is_empty() || layers[0].meet(layers[1]);
-                may_meet && !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
-            },
-        );
+        let may_collide = |particles: &Particles, slots: [u32; 2]| {
+            let both = |are: &dyn Fn(usize) -> bool| slots.iter().all(|slot| are(*slot as usize));
+            let is_net = both(&|slot| exclusions.is_sprung(slot));
+            let solved_elsewhere =
+                both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
+            let layers = slots.map(|slot| material::skin_of(substep.skins, slot as usize).layers);
+            let may_meet = substep.skins.is_empty() || layers[0].meet(layers[1]);
+            may_meet && !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
+        };
+        let may_slide = |particles: &Particles, slots: [u32; 2]| {
+            let any = |are: &dyn Fn(usize) -> bool| slots.iter().any(|slot| are(*slot as usize));
+            let any_explicit_net = any(&|slot| exclusions.is_sprung(slot) && !particles.is_pinned(slot));
+            any_explicit_net
+                && !any(&|slot| is_implicit.get(slot) == Some(&true))
+                && may_collide(particles, slots)
+        };
+        let listed = candidates.found_pairs(memory, particles);
+        let rules = substep.settings.pair_rules.unwrap_or_default();
+        let response = Response { rules, rebound: substep.rebound(), acceleration: substep.acceleration };
+        let mut any = sweep.slide((&mut grid, listed), particles, previous, is_swept, may_slide, response);
+        any |= sweep.put_back((&mut grid, listed), particles, previous, is_swept, may_collide);
         candidates.grid = grid;
         any
     }

@@ -7,15 +7,19 @@
 //! prescribed motion, and takes along what it meets. Slower pairs never overlap by much, and cost nothing here.
 //!
 //! Two particles of nets are not swept against each other: springs did work along the displacement that would be taken back, which would
-//! create energy.
+//! create energy. One on springs that touches another one from the start is not put back either: see `slide.rs`.
 //!
 //! Impacts are accepted in the order of their times. A particle that stops may be hit by others, so the paths up to there are searched
 //! again, until no pair passes through another.
+
+mod slide;
 
 use bevy::math::{DVec3, Vec3};
 
 use super::grid::Grid;
 use crate::solver::particles::{Particles, Vectors};
+pub(super) use slide::Response;
+use slide::Slide;
 
 /// Relative displacement of a pair in a substep above which it is swept, as a part of the sum of its radii; and of one
 /// particle above which its pairs are looked for, as a part of its radius. Of a pair above the first at least one
@@ -34,6 +38,11 @@ const MAX_SEARCHES: u32 = 8;
 pub(super) struct Sweep {
     /// Whether each particle is one to look for pairs of.
     is_fast: Vec<bool>,
+    /// What all have moved by, about, m.
+    common: Vec3,
+    /// The pairs of slots that slide along each other in this substep, in order, the smaller slot first.
+    sliding: Vec<(u32, u32)>,
+    slides: Vec<Slide>,
     /// When each particle stops, as a fraction of the substep.
     stops: Vec<f64>,
     /// The pinned particle that each one is taken along by.
@@ -65,49 +74,65 @@ struct Paths<'a> {
 }
 
 impl Sweep {
-    /// Puts back what would pass through something since `previous`, the positions at the start of the substep in
-    /// m; only particles that are swept, and pairs that `may_collide`. If anything is fast, `listed` may know all pairs
-    /// that come near each other. Whether anything was put back.
-    pub fn put_back<'a>(
+    /// Finds out what has been fast since `previous`, the positions at the start of the substep in m; only particles that are
+    /// swept. Whether anything was.
+    pub fn find_fast(
         &mut self,
-        grid: &mut Grid,
-        particles: &mut Particles,
+        particles: &Particles,
         previous: &Vectors,
         is_swept: impl Fn(usize) -> bool,
-        listed: impl FnOnce(&Particles) -> Option<&'a [(u32, u32)]>,
-        may_collide: impl Fn(&Particles, [u32; 2]) -> bool + Sync,
     ) -> bool {
-        let Self { is_fast, stops, pushers, is_stopped, pairs, impacts } = self;
-        // Now, so that the first fast particle finds all allocated.
-        stops.clear();
-        stops.reserve(particles.len());
-        pushers.clear();
-        pushers.reserve(particles.len());
-        is_stopped.clear();
-        is_stopped.reserve(particles.len());
-        pairs.clear();
-        pairs.reserve(particles.len());
-        impacts.clear();
-        impacts.reserve(particles.len());
-        let common = common_way(particles, previous);
-        let paths = Paths { particles, previous, common, stops: &[] };
+        self.common = common_way(particles, previous);
+        self.sliding.clear();
+        let paths = Paths { particles, previous, common: self.common, stops: &[] };
         let radius = particles.radius();
-        is_fast.clear();
-        is_fast.extend(radius.iter().enumerate().map(|(slot, radius)| {
+        self.is_fast.clear();
+        self.is_fast.extend(radius.iter().enumerate().map(|(slot, radius)| {
             let least = SWEPT_WAY * radius;
             *radius > 0.0 && is_swept(slot) && paths.way(slot).length_squared() > least * least
         }));
-        if !is_fast.contains(&true) {
-            return false;
-        }
-        let listed = listed(particles);
+        self.reserve(particles.len());
+        self.is_fast.contains(&true)
+    }
+
+    /// Allocates for `count` particles, so that the first fast one finds all allocated.
+    fn reserve(&mut self, count: usize) {
+        let Self { sliding, slides, stops, pushers, is_stopped, pairs, impacts, .. } = self;
+        sliding.reserve(count);
+        slides.reserve(count);
+        stops.clear();
+        stops.reserve(count);
+        pushers.clear();
+        pushers.reserve(count);
+        is_stopped.clear();
+        is_stopped.reserve(count);
+        pairs.clear();
+        pairs.reserve(count);
+        impacts.clear();
+        impacts.reserve(count);
+    }
+
+    /// Puts back what would pass through something since `previous`, the positions at the start of the substep in
+    /// m; only particles that are swept, and pairs that `may_collide` and do not slide. To be called after [`Self::find_fast`]. `listed`
+    /// may know all pairs that come near each other. Whether anything was put back.
+    pub fn put_back(
+        &mut self,
+        (grid, listed): (&mut Grid, Option<&[(u32, u32)]>),
+        particles: &mut Particles,
+        previous: &Vectors,
+        is_swept: impl Fn(usize) -> bool,
+        may_collide: impl Fn(&Particles, [u32; 2]) -> bool + Sync,
+    ) -> bool {
+        let Self { is_fast, common, sliding, stops, pushers, is_stopped, pairs, impacts, .. } = self;
         stops.resize(particles.len(), 1.0);
         pushers.resize(particles.len(), None);
         for search in 1..=MAX_SEARCHES {
-            let paths = Paths { stops, ..paths };
+            let paths = Paths { particles, previous, common: *common, stops };
             let collide = |a: u32, b: u32| {
                 let any_fast = is_fast[a as usize] || is_fast[b as usize];
-                any_fast && may_collide(particles, [a.min(b), a.max(b)]) && paths.impact(a, b).is_some()
+                let slots = (a.min(b), a.max(b));
+                let slides = || sliding.binary_search(&slots).is_ok();
+                any_fast && may_collide(particles, slots.into()) && paths.impact(a, b).is_some() && !slides()
             };
             if let Some(listed) = listed {
                 pairs.clear();
@@ -272,14 +297,10 @@ mod tests {
             particles.push(*end, Vec3::ZERO, inverse_mass, 0.1);
             previous.push(*start);
         }
-        Sweep::default().put_back(
-            &mut Grid::default(),
-            &mut particles,
-            &previous,
-            |_| true,
-            |_| None,
-            |_, _| true,
-        );
+        let (mut sweep, around) = (Sweep::default(), (&mut Grid::default(), None));
+        if sweep.find_fast(&particles, &previous, |_| true) {
+            sweep.put_back(around, &mut particles, &previous, |_| true, |_, _| true);
+        }
         (0..paths.len()).map(|slot| particles.position.get(slot)).collect()
     }
 
