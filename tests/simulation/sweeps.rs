@@ -1,7 +1,7 @@
 //! What is fast does not pass through other particles, under any scheme.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{Integrator, PairRules, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::solver::{Integrator, PairRules, Solver, Spring, StepSettings, SubstepMode};
 
 use crate::common::bodies::{
     Ball, floating, positions, solver_bits, step_past_contact, velocities, velocity, world,
@@ -99,6 +99,95 @@ fn pinned_particles_stop_or_push_what_is_fast() {
     assert!((velocity(&state, 1).x - 240.0).abs() < 1.0, "{:?}", velocities(&state));
 }
 
+/// Two dumbbells: a ball of the first, all of which moves along x, hits one of the second, which stands still, free or pinned, and passes
+/// by the other. The springs of k = 0.1 N/m are across the way, so that balls of m = 1 kg get the velocities of a free impact but for
+/// what the springs give in four ticks, T = 1/15 s, at the end of which they are v T longer: k T² / m = 0.05 % of the speed at most. Three
+/// ticks more are for implicit steps, which spread an impact over two, and whose contacts are 1,000 times as stiff as the inertia: they
+/// miss 0.1 % of a change of velocity of up to twice the speed. Momentum is kept to the roundings of 28 steps.
+#[test]
+fn what_springs_pull_at_is_hit_at_any_speed() {
+    for scheme in Integrator::named() {
+        for (substeps, is_pinned) in [(1, false), (4, false), (1, true), (2, true)] {
+            for (speed, restitution) in
+                [(20.0, 0.0), (20.0, 1.0), (100.0, 0.0), (1000.0, 1.0_f32), (1000.0, 0.0)]
+            {
+                let start = -Vec3::X * (0.37 * speed / 100.0 + 1.0);
+                let mass = if is_pinned { f32::INFINITY } else { 1.0 };
+                let mut state = world([
+                    small(start, Vec3::X * speed),
+                    small(start + Vec3::Z, Vec3::X * speed),
+                    Ball { mass, ..small(Vec3::ZERO, Vec3::ZERO) },
+                    small(Vec3::Y, Vec3::ZERO),
+                ]);
+                for ends in [[0, 1], [2, 3]] {
+                    state.add_spring(ends, Spring::elastic(1.0, 0.1, 0.0)).unwrap();
+                }
+                let settings =
+                    StepSettings { substeps: SubstepMode::Fixed(substeps), ..floating(scheme, restitution) };
+                step_past_contact(&mut state, &settings, 100);
+                for _ in 0..3 {
+                    state.step(&settings);
+                }
+                let case = format!(
+                    "{scheme}, {substeps} substeps, {speed} m/s, restitution {restitution}, pinned {is_pinned}"
+                );
+                let shares = match is_pinned {
+                    true => [-restitution, 1.0, 0.0, 0.0],
+                    false => [0.5 * (1.0 - restitution), 1.0, 0.5 * (1.0 + restitution), 0.0],
+                };
+                for (slot, share) in shares.into_iter().enumerate() {
+                    let error = (velocity(&state, slot) - Vec3::X * share * speed).length();
+                    assert!(error < 0.0025 * speed, "{case}: {:?}", velocities(&state));
+                }
+                if !is_pinned {
+                    assert!((momentum(&state) - 2.0 * Vec3::X * speed).length() < 1e-5 * speed, "{case}");
+                }
+                let places = positions(&state);
+                assert!(places[0].x < places[2].x, "{case}: {places:?}");
+            }
+        }
+    }
+}
+
+/// Dumbbells that cross each other's ways at up to 250 m/s. With hω = 0.12 of their springs the energy that semi-implicit Euler shows
+/// wavers by (1 + hω/2) / (1 − hω/2), 13 %, that of the others by less than its square.
+#[test]
+fn fast_dumbbells_gain_no_energy() {
+    for scheme in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet, Integrator::RungeKutta4] {
+        for restitution in [0.0, 1.0_f32] {
+            let mut state = world(scattered().take(160));
+            for first in (0..160).step_by(2) {
+                let length = state.position(first).distance(state.position(first + 1));
+                state.add_spring([first, first + 1], Spring::elastic(length, 1000.0, 0.0)).unwrap();
+            }
+            let settings = StepSettings { substeps: SubstepMode::Fixed(6), ..floating(scheme, restitution) };
+            let start = state.measure(Vec3::ZERO);
+            let energy = start.kinetic_energy + start.elastic_energy;
+            state.outputs_mut().record_contacts = true;
+            let mut contacts = 0;
+            for tick in 0..60 {
+                state.step(&settings);
+                contacts += state.outputs().contacts.len();
+                let now = state.measure(Vec3::ZERO);
+                let part = (now.kinetic_energy + now.elastic_energy) / energy;
+                let limit = if scheme == Integrator::SemiImplicitEuler { 1.13 } else { 1.015 };
+                assert!(part < limit, "{scheme}, restitution {restitution}, tick {tick}: {part}");
+            }
+            assert!(contacts > 20, "{contacts}");
+        }
+    }
+}
+
+/// Balls that fly about.
+fn scattered() -> impl Iterator<Item = Ball> {
+    (0..200_usize).map(|slot| {
+        let place = Vec3::new((slot * 7 % 11) as f32, (slot * 5 % 13) as f32, (slot % 17) as f32) * 0.13;
+        let way =
+            Vec3::new((slot * 3 % 7) as f32 - 3.0, (slot % 5) as f32 - 2.0, (slot * 11 % 3) as f32 - 1.0);
+        small(place, way * 40.0)
+    })
+}
+
 /// Rows, ropes and piles: momentum is kept, no energy is gained, and nothing that was in front is behind.
 #[test]
 fn bullets_go_through_no_pile() {
@@ -133,7 +222,12 @@ fn impacts_concern_nothing_else() {
             .map(|slot| small(Vec3::new(0.3 * slot as f32, 9.0, 0.0), Vec3::new(0.1 * slot as f32, 0.0, 0.0)))
     };
     let bullets = [small(Vec3::X * -8.0, Vec3::X * 500.0), small(Vec3::ZERO, Vec3::ZERO)];
-    let (mut alone, mut both) = (world(rest()), world(rest().chain(bullets)));
+    let at = |ball: Ball, offset: Vec3| Ball { position: ball.position + offset, ..ball };
+    let dumbbells = bullets.into_iter().flat_map(|ball| [3.0, 4.0].map(|z| at(ball, Vec3::Z * z)));
+    let (mut alone, mut both) = (world(rest()), world(rest().chain(bullets).chain(dumbbells)));
+    for first in [32, 34] {
+        both.add_spring([first, first + 1], Spring::elastic(1.0, 10.0, 0.0)).unwrap();
+    }
     let rules = PairRules { restitution: 0.5, friction: 0.2 };
     let settings = StepSettings { pair_rules: Some(rules), ..floating(Integrator::SemiImplicitEuler, 0.5) };
     for _ in 0..30 {
@@ -146,19 +240,18 @@ fn impacts_concern_nothing_else() {
             );
         }
     }
-    assert!(velocity(&both, 31).x > 100.0);
+    assert!([31, 34, 35].iter().all(|slot| velocity(&both, *slot).x > 100.0));
 }
 
 /// The same bits with new caches in every tick.
 #[test]
 fn sweeps_follow_from_the_state() {
     let mut solvers = [0, 1].map(|_| {
-        world((0..200_usize).map(|slot| {
-            let place = Vec3::new((slot * 7 % 11) as f32, (slot * 5 % 13) as f32, (slot % 17) as f32) * 0.13;
-            let way =
-                Vec3::new((slot * 3 % 7) as f32 - 3.0, (slot % 5) as f32 - 2.0, (slot * 11 % 3) as f32 - 1.0);
-            small(place, way * 40.0)
-        }))
+        let mut state = world(scattered());
+        for first in (0..60).step_by(2) {
+            state.add_spring([first, first + 1], Spring::elastic(0.5, 1000.0, 0.0)).unwrap();
+        }
+        state
     });
     let settings =
         StepSettings { substeps: SubstepMode::Fixed(3), ..floating(Integrator::SemiImplicitEuler, 0.9) };

@@ -216,6 +216,7 @@ impl ContactCaches {
         substep: Substep,
         records: Option<&mut Vec<ContactRecord>>,
     ) {
+        self.sweep.begin_substep();
         self.have_moved = substep.settings.pair_rules.is_some() && self.sweep(memory, particles, substep);
         self.find_touches(particles, substep, records.is_some());
         self.find(memory, particles, substep);
@@ -256,39 +257,35 @@ impl ContactCaches {
             return false;
         }
         let Self { candidates, previous, sweep, is_implicit, pair_contacts, .. } = self;
-        let is_lone = |slot| particles.radius()[slot] > 0.0 && !candidates.exclusions.is_sprung(slot);
-        if !(0..particles.len()).any(is_lone) {
-            return false;
-        }
         candidates.derive(memory, pair_contacts, particles);
         let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
-        let is_swept = |slot| last.is_none_or(|last| last.has_skin(slot));
+        let exclusions = &candidates.exclusions;
+        let is_swept = |slot| !exclusions.is_covered(slot) && last.is_none_or(|last| last.has_skin(slot));
         if !sweep.find_fast(particles, previous, is_swept) {
             return false;
         }
         let mut grid = std::mem::take(&mut candidates.grid);
-        let exclusions = &candidates.exclusions;
-        let may_collide = |particles: &Particles, slots: [u32; 2]| {
-            let both = |are: &dyn Fn(usize) -> bool| slots.iter().all(|slot| are(*slot as usize));
-            let is_net = both(&|slot| exclusions.is_sprung(slot));
-            let solved_elsewhere =
-                both(&|slot| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true));
+        let may_meet = |particles: &Particles, slots: [u32; 2]| {
+            let stays = |slot: usize| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true);
             let layers = slots.map(|slot| material::skin_of(substep.skins, slot as usize).layers);
-            let may_meet = substep.skins.is_empty() || layers[0].meet(layers[1]);
-            may_meet && !exclusions.contains(slots[0], slots[1]) && !is_net && !solved_elsewhere
+            !slots.iter().all(|slot| stays(*slot as usize))
+                && (substep.skins.is_empty() || layers[0].meet(layers[1]))
+                && !exclusions.contains(slots[0], slots[1])
         };
-        let may_slide = |particles: &Particles, slots: [u32; 2]| {
-            let any = |are: &dyn Fn(usize) -> bool| slots.iter().any(|slot| are(*slot as usize));
-            let any_explicit_net = any(&|slot| exclusions.is_sprung(slot) && !particles.is_pinned(slot));
-            any_explicit_net
-                && !any(&|slot| is_implicit.get(slot) == Some(&true))
-                && may_collide(particles, slots)
+        let response = Response {
+            rules: substep.settings.pair_rules.unwrap_or_default(),
+            rebound: substep.rebound(),
+            acceleration: substep.acceleration,
+            exclusions,
+            is_implicit,
         };
-        let listed = candidates.found_pairs(memory, particles);
-        let rules = substep.settings.pair_rules.unwrap_or_default();
-        let response = Response { rules, rebound: substep.rebound(), acceleration: substep.acceleration };
-        let mut any = sweep.slide((&mut grid, listed), particles, previous, is_swept, may_slide, response);
-        any |= sweep.put_back((&mut grid, listed), particles, previous, is_swept, may_collide);
+        let around = (&mut grid, candidates.found_pairs(memory, particles));
+        let slides = |particles: &Particles, slots| response.slides(particles, slots);
+        let may_slide = |particles: &Particles, slots| slides(particles, slots) && may_meet(particles, slots);
+        let mut any = sweep.slide(around, particles, previous, is_swept, may_slide, response);
+        let around = (&mut grid, candidates.found_pairs(memory, particles));
+        let may_stop = |particles: &Particles, slots| !slides(particles, slots) && may_meet(particles, slots);
+        any |= sweep.put_back(around, particles, previous, is_swept, may_stop);
         candidates.grid = grid;
         any
     }

@@ -6,6 +6,7 @@ use super::collider::{Collider, Moment, Placed};
 use super::features::Feature;
 use super::material::{Skin, skin_of};
 use super::shapes::{Bounds, Placement, Shape, Ways};
+use super::stiff_pairs::touch;
 use super::{ContactMemory, ContactPartner};
 use crate::solver::particles::Particles;
 use crate::solver::settings::StepSettings;
@@ -48,8 +49,8 @@ pub(in crate::solver) struct Obstacle {
 enum Form {
     /// All below the plane through `point`, m, of outward unit normal `normal`.
     HalfSpace { point: DVec3, normal: DVec3 },
-    /// m.
-    Sphere { centre: DVec3, radius: f64 },
+    /// A pinned particle, which has come to `centre` by `way`; m.
+    Sphere { centre: DVec3, radius: f64, way: DVec3 },
     /// A collider; `from` is where it is at the start of the step, `side` that of a sheet on which a particle is.
     Solid { shape: Shape, from: Placement, to: Placement, side: f64 },
 }
@@ -59,7 +60,7 @@ impl Obstacle {
     pub fn gap(&self, position: DVec3, radius: f64) -> (f64, DVec3) {
         match &self.form {
             Form::HalfSpace { point, normal } => ((position - point).dot(*normal) - radius, *normal),
-            Form::Sphere { centre, radius: own } => {
+            Form::Sphere { centre, radius: own, .. } => {
                 let apart = position - centre;
                 let distance = apart.length();
                 let normal = if distance > 0.0 { apart / distance } else { DVec3::Y };
@@ -74,7 +75,15 @@ impl Obstacle {
 
     /// The plane that a sphere meets on its way from `start` to `end` and would pass through: as an obstacle.
     pub fn met(&self, [start, end]: [DVec3; 2], radius: f64) -> Option<Self> {
-        let Form::Solid { shape, from, to, .. } = &self.form else { return None };
+        let (shape, from, to) = match &self.form {
+            Form::HalfSpace { .. } => return None,
+            Form::Sphere { centre, radius: own, way } => {
+                let point = passed([start - (centre - way), end - centre], *own, radius)?;
+                let form = Form::HalfSpace { point: centre + point, normal: point.normalize() };
+                return Some(Self { form, ..self.clone() });
+            }
+            Form::Solid { shape, from, to, .. } => (shape, from, to),
+        };
         let (from, end) = (from.to_local(start), to.to_local(end));
         let kept = SWEPT_WAY * radius;
         if from.distance_squared(end) <= kept * kept {
@@ -178,7 +187,7 @@ impl Obstacle {
     fn new(number: usize, collider: &Collider) -> Self {
         Self {
             partner: ContactPartner::Collider(number),
-            form: Form::Sphere { centre: DVec3::ZERO, radius: 0.0 },
+            form: Form::HalfSpace { point: DVec3::ZERO, normal: DVec3::Y },
             velocity: DVec3::ZERO,
             angular_velocity: DVec3::ZERO,
             pivot: DVec3::ZERO,
@@ -191,6 +200,19 @@ impl Obstacle {
 
 /// Displacement in a step above which a particle is swept, as a part of its radius.
 const SWEPT_WAY: f64 = 0.5;
+
+/// Where a sphere of this `radius` first touches another one, about the origin, on its way between two places, if it is beyond it at the
+/// end.
+fn passed([start, end]: [DVec3; 2], own: f64, radius: f64) -> Option<DVec3> {
+    let (swept_way, reach) = (SWEPT_WAY * radius, own + radius);
+    if start.distance_squared(end) <= swept_way * swept_way {
+        return None;
+    }
+    let normal = touch(start.as_vec3(), end.as_vec3(), reach as f32)?.as_dvec3().normalize();
+    // What ends in front of it is held by the sphere itself.
+    let is_beyond = end.length_squared() >= reach * reach || end.dot(normal) <= 0.0;
+    is_beyond.then_some(own * normal)
+}
 
 /// Edges and faces are looked for that would come as near as what moves at this speed does in the step, m/s.
 const RECOVERY: f64 = 0.1;
@@ -242,10 +264,11 @@ impl Obstacles {
             pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot) && !is_covered(*slot))
         {
             let (velocity, radius) = (particles.velocity.get(slot).as_dvec3(), f64::from(*radius));
-            let centre = particles.position.get(slot).as_dvec3() + duration * velocity;
+            let way = duration * velocity;
+            let centre = particles.position.get(slot).as_dvec3() + way;
             let obstacle = Obstacle {
                 partner: ContactPartner::Particle(slot),
-                form: Form::Sphere { centre, radius },
+                form: Form::Sphere { centre, radius, way },
                 velocity,
                 angular_velocity: DVec3::ZERO,
                 pivot: centre,
@@ -260,9 +283,14 @@ impl Obstacles {
         self.spheres.sort_by(|(one, _), (other, _)| one.total_cmp(other));
     }
 
-    /// Whether any of them is so thin that a particle may pass through it within a step.
+    /// Whether any of them is a collider that an edge or triangle may pass through within a step.
     pub fn any_thin(&self) -> bool {
         !self.solids.is_empty()
+    }
+
+    /// Whether a particle may pass through any of them within a step.
+    pub fn any_swept(&self) -> bool {
+        !(self.solids.is_empty() && self.spheres.is_empty())
     }
 
     /// Whether there are none.

@@ -45,6 +45,7 @@ impl ContactCaches {
         for touch in &self.touches.all {
             touch.slots[..touch.count as usize].iter().for_each(|slot| visit(*slot as usize));
         }
+        self.sweep.for_each_sliding(&mut visit);
         let slot_of = &self.candidates.regions.slot_of;
         for group in self.candidates.groups.iter() {
             for contact in self.pair_contacts.of(group) {
@@ -85,6 +86,7 @@ impl ContactCaches {
                 impulse: 0.0,
             });
         }
+        self.sweep.record(particles, records);
         let slot_of = &self.candidates.regions.slot_of;
         for group in self.candidates.groups.iter() {
             let slot = |place: usize| slot_of[group.bodies.start + place] as usize;

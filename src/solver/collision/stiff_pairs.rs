@@ -9,6 +9,10 @@ use crate::solver::elements::Elements;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
+/// The square of the distance, as a part of that at which they touch, below which two particles that touch from the start pass into each
+/// other, wherever they are at the end: at more they graze.
+const PASSING_DISTANCE: f32 = 0.998;
+
 /// Two particles that are not to come closer than they touch, along a direction that is fixed for a step.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::solver) struct StiffPair {
@@ -100,16 +104,18 @@ fn geometric_mean(values: impl Iterator<Item = f32>) -> f32 {
 }
 
 /// The direction of the separation when it first is as short as `reach` on the straight way from `start` to `end`;
-/// that at the start, if it is shorter then. `None` if it never is.
-fn touch(start: Vec3, end: Vec3, reach: f32) -> Option<Vec3> {
+/// that at the start, if it is shorter then, and they stay so or pass into each other. `None` if it never is.
+pub(super) fn touch(start: Vec3, end: Vec3, reach: f32) -> Option<Vec3> {
     let outside = start.length_squared() - reach * reach;
-    if outside <= 0.0 {
-        let is_nearer = end.length_squared() < reach * reach;
-        return is_nearer.then(|| if start == Vec3::ZERO { Vec3::Y } else { start });
-    }
-    // ‖start + t way‖² = reach²
     let way = end - start;
     let (square, half) = (way.length_squared(), start.dot(way));
+    if outside <= 0.0 {
+        let nearest = start + way * (-half / square).min(1.0);
+        let passes = half < 0.0 && nearest.length_squared() < PASSING_DISTANCE * reach * reach;
+        let is_nearer = end.length_squared() < reach * reach;
+        return (is_nearer || passes).then(|| if start == Vec3::ZERO { Vec3::Y } else { start });
+    }
+    // ‖start + t way‖² = reach²
     let discriminant = half * half - square * outside;
     if half >= 0.0 || discriminant < 0.0 {
         return None;
@@ -139,5 +145,8 @@ mod tests {
         assert_eq!(touch(Vec3::X * 3.0, Vec3::X * 4.0, 1.0), None, "away");
         assert_eq!(touch(Vec3::new(3.0, 2.0, 0.0), Vec3::new(-3.0, 2.0, 0.0), 1.0), None, "past");
         assert_eq!(touch(Vec3::X * 0.5, Vec3::Y * 0.5, 1.0), Some(Vec3::X * 0.5), "from the start");
+        assert_eq!(touch(Vec3::X, Vec3::X * -3.0, 1.0), Some(Vec3::X), "touching, and right through");
+        assert_eq!(touch(Vec3::X, Vec3::new(0.9999, 3.0, 0.0), 1.0), None, "touching, and along it");
+        assert_eq!(touch(Vec3::X, Vec3::X * 2.0, 1.0), None, "touching, and away");
     }
 }

@@ -6,8 +6,7 @@
 //! time. The rest of the substep is lost for the two: they keep their velocities, but do not move on in it. A pinned particle keeps its
 //! prescribed motion, and takes along what it meets. Slower pairs never overlap by much, and cost nothing here.
 //!
-//! Two particles of nets are not swept against each other: springs did work along the displacement that would be taken back, which would
-//! create energy. One on springs that touches another one from the start is not put back either: see `slide.rs`.
+//! Particles of nets are not put back, but slide along what they meet: see `slide.rs`.
 //!
 //! Impacts are accepted in the order of their times. A particle that stops may be hit by others, so the paths up to there are searched
 //! again, until no pair passes through another.
@@ -74,6 +73,12 @@ struct Paths<'a> {
 }
 
 impl Sweep {
+    /// To be called when a substep begins.
+    pub fn begin_substep(&mut self) {
+        self.sliding.clear();
+        self.slides.clear();
+    }
+
     /// Finds out what has been fast since `previous`, the positions at the start of the substep in m; only particles that are
     /// swept. Whether anything was.
     pub fn find_fast(
@@ -83,7 +88,6 @@ impl Sweep {
         is_swept: impl Fn(usize) -> bool,
     ) -> bool {
         self.common = common_way(particles, previous);
-        self.sliding.clear();
         let paths = Paths { particles, previous, common: self.common, stops: &[] };
         let radius = particles.radius();
         self.is_fast.clear();
@@ -97,9 +101,7 @@ impl Sweep {
 
     /// Allocates for `count` particles, so that the first fast one finds all allocated.
     fn reserve(&mut self, count: usize) {
-        let Self { sliding, slides, stops, pushers, is_stopped, pairs, impacts, .. } = self;
-        sliding.reserve(count);
-        slides.reserve(count);
+        let Self { stops, pushers, is_stopped, pairs, impacts, .. } = self;
         stops.clear();
         stops.reserve(count);
         pushers.clear();
@@ -113,7 +115,7 @@ impl Sweep {
     }
 
     /// Puts back what would pass through something since `previous`, the positions at the start of the substep in
-    /// m; only particles that are swept, and pairs that `may_collide` and do not slide. To be called after [`Self::find_fast`]. `listed`
+    /// m; only particles that are swept, and pairs that `may_collide`. To be called after [`Self::find_fast`]. `listed`
     /// may know all pairs that come near each other. Whether anything was put back.
     pub fn put_back(
         &mut self,
@@ -123,16 +125,15 @@ impl Sweep {
         is_swept: impl Fn(usize) -> bool,
         may_collide: impl Fn(&Particles, [u32; 2]) -> bool + Sync,
     ) -> bool {
-        let Self { is_fast, common, sliding, stops, pushers, is_stopped, pairs, impacts, .. } = self;
+        let Self { is_fast, common, stops, pushers, is_stopped, pairs, impacts, .. } = self;
         stops.resize(particles.len(), 1.0);
         pushers.resize(particles.len(), None);
         for search in 1..=MAX_SEARCHES {
             let paths = Paths { particles, previous, common: *common, stops };
             let collide = |a: u32, b: u32| {
                 let any_fast = is_fast[a as usize] || is_fast[b as usize];
-                let slots = (a.min(b), a.max(b));
-                let slides = || sliding.binary_search(&slots).is_ok();
-                any_fast && may_collide(particles, slots.into()) && paths.impact(a, b).is_some() && !slides()
+                let slots = [a.min(b), a.max(b)];
+                any_fast && may_collide(particles, slots) && paths.impact(a, b).is_some()
             };
             if let Some(listed) = listed {
                 pairs.clear();

@@ -213,16 +213,6 @@ impl Contacts {
         };
         if self.has_features { self.contacts.iter().map(of).sum() } else { 0.0 }
     }
-
-    /// The free nodes of features that were held in the last linearisation.
-    pub fn held_feature_nodes(&self, free: usize) -> impl Iterator<Item = usize> {
-        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.followed.is_some());
-        let nodes = held.flat_map(|contact| {
-            let others = contact.others[..contact.count].iter().map(|(node, _)| *node);
-            others.chain([contact.node])
-        });
-        nodes.filter(move |node| *node < free)
-    }
 }
 
 fn feature_contact(

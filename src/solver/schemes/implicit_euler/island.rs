@@ -67,9 +67,8 @@ impl Island {
             let force = force - tether.force(&system.position);
             pulls.set(slot, (force * f64::from(particles.inverse_mass()[slot])).as_vec3());
         }
-        let of_features = system.contacts.held_feature_nodes(elimination.free);
-        for node in system.contacts.held_nodes().chain(of_features) {
+        system.contacts.for_each_touching_node(elimination.free, |node| {
             pulls.set_touching(elimination.slots[node] as usize);
-        }
+        });
     }
 }

@@ -35,7 +35,7 @@ use super::gas;
 use super::linearised::Linearised;
 use super::system::{Compound, System, combine};
 use super::write;
-use crate::solver::collision::{Obstacles, Surroundings};
+use crate::solver::collision::{Obstacle, Obstacles, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::graph::Elimination;
@@ -308,15 +308,16 @@ impl Stages {
             let mut any = false;
             let near = (slot as usize, surroundings);
             let (start, end) = (self.start[node].position, system.position[node]);
-            obstacles.near(near, end, radius, [0.0; 2], |obstacle, _| {
+            let may_collide = |obstacle: &Obstacle| {
                 let overlaps = || obstacle.gap(start + h * obstacle.motion_at(start), radius).0 < 0.0;
-                any |= obstacle.pinned_slot().is_none_or(|pinned| {
+                obstacle.pinned_slot().is_none_or(|pinned| {
                     radius > 0.0 && filter.may_collide(node, slot, pinned as u32, overlaps())
-                });
-            });
-            if !any && obstacles.any_thin() {
+                })
+            };
+            obstacles.near(near, end, radius, [0.0; 2], |obstacle, _| any |= may_collide(obstacle));
+            if !any && obstacles.any_swept() {
                 obstacles.near(near, start, radius, [start.distance(end), h], |obstacle, _| {
-                    any |= obstacle.met([start, end], radius).is_some();
+                    any |= obstacle.met([start, end], radius).is_some() && may_collide(obstacle);
                 });
             }
             any
