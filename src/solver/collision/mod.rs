@@ -282,10 +282,14 @@ impl ContactCaches {
         let around = (&mut grid, candidates.found_pairs(memory, particles));
         let slides = |particles: &Particles, slots| response.slides(particles, slots);
         let may_slide = |particles: &Particles, slots| slides(particles, slots) && may_meet(particles, slots);
-        let mut any = sweep.slide(around, particles, previous, is_swept, may_slide, response);
+        let mut any = exclusions.any_sprung()
+            && sweep.slide(around, particles, previous, is_swept, may_slide, response);
         let around = (&mut grid, candidates.found_pairs(memory, particles));
         let may_stop = |particles: &Particles, slots| !slides(particles, slots) && may_meet(particles, slots);
-        any |= sweep.put_back(around, particles, previous, is_swept, may_stop);
+        let is_lone = |slot| particles.radius()[slot] > 0.0 && !exclusions.is_sprung(slot);
+        if (0..particles.len()).any(is_lone) {
+            any |= sweep.put_back(around, particles, previous, is_swept, may_stop);
+        }
         candidates.grid = grid;
         any
     }

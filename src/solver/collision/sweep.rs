@@ -91,11 +91,15 @@ impl Sweep {
         let paths = Paths { particles, previous, common: self.common, stops: &[] };
         let radius = particles.radius();
         self.is_fast.clear();
+        self.is_fast.reserve(particles.len());
+        self.reserve(particles.len());
+        if !paths.any_long() {
+            return false;
+        }
         self.is_fast.extend(radius.iter().enumerate().map(|(slot, radius)| {
             let least = SWEPT_WAY * radius;
             *radius > 0.0 && is_swept(slot) && paths.way(slot).length_squared() > least * least
         }));
-        self.reserve(particles.len());
         self.is_fast.contains(&true)
     }
 
@@ -197,6 +201,23 @@ impl Paths<'_> {
     #[inline]
     fn way(&self, slot: usize) -> Vec3 {
         self.particles.position.get(slot) - self.previous.get(slot) - self.common
+    }
+
+    /// Whether any sphere moves by more than [`SWEPT_WAY`] of its radius. Without a branch: this is looked at in each substep.
+    fn any_long(&self) -> bool {
+        let count = self.particles.len();
+        let [to, from] =
+            [&self.particles.position, self.previous].map(|of| of.axes().map(|axis| &axis[..count]));
+        let radius = &self.particles.radius()[..count];
+        let common = self.common.to_array();
+        let mut any = false;
+        for slot in 0..count {
+            let way = |axis: usize| to[axis][slot] - from[axis][slot] - common[axis];
+            let square = way(0) * way(0) + way(1) * way(1) + way(2) * way(2);
+            let least = SWEPT_WAY * radius[slot];
+            any |= (square > least * least) & (least > 0.0);
+        }
+        any
     }
 
     /// A sphere that holds a particle all the way, unless it is a point or flies beyond all numbers.
