@@ -9,10 +9,10 @@ use std::path::Path;
 use plotters::prelude::*;
 use plotters::style::register_font;
 
-const SIZE: (u32, u32) = (860, 480);
+const SIZE: (u32, u32) = (890, 480);
 
 /// The width of the margin with the names of the lines.
-const LEGEND: u32 = 175;
+const LEGEND: u32 = 205;
 
 /// Distinguishable with most kinds of colour blindness, too (Okabe and Ito, 2008).
 const COLOURS: [RGBColor; 10] = [
