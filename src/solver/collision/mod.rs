@@ -347,7 +347,7 @@ impl ContactCaches {
                 body.hold();
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
-            let sides = (up, settings.is_flat);
+            let sides = (up, settings.is_flat, !self.is_implicit.is_empty());
             narrow::find(candidates, bodies, (acceleration, skins), rebound, sides, pair_contacts);
         }
     }

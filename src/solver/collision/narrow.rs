@@ -27,6 +27,8 @@ struct Search<'a> {
     is_flat: bool,
     last: &'a [PairContact],
     skins: &'a [Skin],
+    /// Whether an implicit step has moved any of the particles.
+    any_implicit: bool,
 }
 
 /// Finds the touching pairs among the candidates, in each group from the bottom up, with the impulses that
@@ -36,13 +38,14 @@ pub(super) fn find(
     bodies: &mut [Body],
     (acceleration, skins): (&Vectors, &[Skin]),
     rebound: Rebound,
-    (up, is_flat): (Vec3A, bool),
+    (up, is_flat, any_implicit): (Vec3A, bool, bool),
     contacts: &mut PairContacts,
 ) {
     let Candidates { list: List { pairs, .. }, groups, regions, .. } = candidates;
     contacts.swap_buffers(pairs.len());
     let PairContacts { current, last } = contacts;
-    let search = Search { slot_of: &regions.slot_of, acceleration, rebound, up, is_flat, last, skins };
+    let slot_of = &regions.slot_of;
+    let search = Search { slot_of, acceleration, rebound, up, is_flat, last, skins, any_implicit };
     groups.for_each((&mut pairs[..], &mut current[..]), bodies, |group, (pairs, contacts), bodies| {
         (group.contacts, group.entangled) = (0, false);
         for pairs in pairs.chunks_mut(PAIRS_PER_CHUNK) {
@@ -85,7 +88,7 @@ impl Search<'_> {
                     entangled = true;
                     continue;
                 }
-                _ if solved_elsewhere(ends.map(|end| &bodies[end])) => continue,
+                _ if self.any_implicit && solved_elsewhere(ends.map(|end| &bodies[end])) => continue,
                 _ if !self.may_meet(ends, start) => continue,
                 Past::Contact(place) => self.last[place as usize].impulses,
                 _ => Impulses::default(),
@@ -140,15 +143,15 @@ impl Search<'_> {
         }
         let reduced_mass = 1.0 / (upper.inverse_mass + lower.inverse_mass);
         let sprung = upper.sprung || lower.sprung;
-        let supports = lower.supported && normal.dot(*up) > MIN_SUPPORT_COSINE;
-        let carries = lower.carried && normal.dot(*up) > 0.0;
+        let rise = normal.dot(*up);
+        let supports = lower.supported && rise > MIN_SUPPORT_COSINE;
+        let carries = lower.carried && rise > 0.0;
         bodies[first].supported |= supports;
         bodies[first].carried |= carries;
         for body in [first, second] {
-            if resting {
-                bodies[body].hold();
-            }
-            bodies[body].touching = bodies[body].touching.saturating_add(1);
+            let body = &mut bodies[body];
+            body.holds = body.holds.saturating_add(u8::from(resting));
+            body.touching = body.touching.saturating_add(1);
         }
         Some(PairContact {
             first: first as u32,
