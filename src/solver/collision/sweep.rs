@@ -91,11 +91,12 @@ impl Sweep {
         let paths = Paths { particles, previous, common: self.common, stops: &[] };
         let radius = particles.radius();
         self.is_fast.clear();
-        self.is_fast.reserve(particles.len());
+        self.is_fast.resize(particles.len(), false);
         self.reserve(particles.len());
         if !paths.any_long() {
             return false;
         }
+        self.is_fast.clear();
         self.is_fast.extend(radius.iter().enumerate().map(|(slot, radius)| {
             let least = SWEPT_WAY * radius;
             *radius > 0.0 && is_swept(slot) && paths.way(slot).length_squared() > least * least

@@ -123,8 +123,8 @@ impl Sweep {
             for _ in 0..ITERATIONS {
                 slides.iter().for_each(|slide| slide.separate(particles, response));
             }
-            if search < MAX_SEARCHES {
-                self.find_fast(particles, previous, &is_swept);
+            if search == MAX_SEARCHES || !self.find_fast(particles, previous, &is_swept) {
+                break;
             }
         }
         for _ in 0..ITERATIONS {
