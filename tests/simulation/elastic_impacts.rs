@@ -1,9 +1,9 @@
 //! Elastic impacts, 1,000 in a row: energy and momentum.
 
 use bevy::math::Vec3;
-use bevy_mass_spring::solver::{Integrator, Shape, Solver, StepSettings, SubstepMode};
+use bevy_mass_spring::solver::{Integrator, Shape, Solver, Spring, StepSettings, SubstepMode};
 
-use crate::common::bodies::{Ball, floating, velocities, velocity, world};
+use crate::common::bodies::{Ball, floating, velocities, velocity, with_ground, world};
 use crate::common::shapes::{resting, with};
 
 const IMPACTS: usize = 1000;
@@ -74,5 +74,70 @@ fn a_thousand_impacts_in_a_row_hand_on_momentum_and_energy() {
         // Nothing is left behind.
         let last = velocity(&state, IMPACTS).x;
         assert!((last / SPEED - 1.0).abs() < 0.005, "{scheme:?}: {last} m/s");
+    }
+}
+
+/// What a ball is pressed onto by its spring.
+#[derive(Debug, Clone, Copy)]
+enum Onto {
+    HalfSpace,
+    Cuboid,
+    PinnedBall,
+    /// Another one, which its own spring presses the other way.
+    Ball,
+}
+
+/// A ball of radius 0.1 m and 1 kg, 0.6 m above what it is pressed onto, which it touches at y = 0.1 m, on a spring without which it would rest
+/// at y = `rest`, m.
+fn pressed(onto: Onto, rest: f32, stiffness: f32, restitution: f32) -> Solver {
+    let ball = |y: f32, mass: f32| Ball { mass, radius: 0.1, ..Ball::at(Vec3::Y * y) };
+    let anchor = |y: f32| Ball { mass: f32::INFINITY, radius: 0.0, ..Ball::at(Vec3::Y * y) };
+    let mut balls = vec![ball(0.7, 1.0), anchor(-3.0)];
+    match onto {
+        Onto::HalfSpace | Onto::Cuboid => {}
+        Onto::PinnedBall => balls.push(ball(-0.1, f32::INFINITY)),
+        Onto::Ball => balls.extend([ball(-0.7, 1.0), anchor(3.0)]),
+    }
+    let mut state = world(balls);
+    let spring = Spring::elastic(3.0 + rest, stiffness, 0.0);
+    state.add_spring([0, 1], spring).unwrap();
+    match onto {
+        Onto::HalfSpace => state = with_ground(state, restitution, 0.0),
+        Onto::Cuboid => {
+            let floor = resting(Shape::cuboid(Vec3::new(1.0, 0.1, 1.0)), Vec3::NEG_Y * 0.1);
+            state.add_collider(with(floor, restitution, 0.0));
+        }
+        Onto::PinnedBall => {}
+        Onto::Ball => state.add_spring([2, 3], spring).map(drop).unwrap(),
+    }
+    state
+}
+
+/// hω = 0.2 to 0.9 of the spring. The energy that semi-implicit Euler conserves differs from the true one by ± hω/2, that of Verlet by
+/// less: neither shows more than (1 + hω/2) / (1 − hω/2) of it, and a tenth for where in a substep the impacts are.
+#[test]
+fn what_springs_press_onto_something_gains_no_energy() {
+    let all = [Onto::HalfSpace, Onto::Cuboid, Onto::PinnedBall, Onto::Ball];
+    for (scheme, all) in [(Integrator::SemiImplicitEuler, &all[..]), (Integrator::VelocityVerlet, &all[..2])]
+    {
+        for onto in all.iter().copied() {
+            for share in [0.2, 0.5, 0.9_f32] {
+                for (rest, restitution) in [(-1.0, 1.0), (-0.2, 1.0), (0.3, 1.0), (-1.0, 0.8_f32)] {
+                    let mut state = pressed(onto, rest, (60.0 * share).powi(2), restitution);
+                    let energy = |state: &Solver| {
+                        let now = state.measure(Vec3::ZERO);
+                        now.kinetic_energy + now.elastic_energy
+                    };
+                    let start = energy(&state);
+                    let limit = 1.1 * (1.0 + 0.5 * f64::from(share)) / (1.0 - 0.5 * f64::from(share));
+                    for tick in 0..600 {
+                        state.step(&floating(scheme, restitution));
+                        let part = energy(&state) / start;
+                        let case = format!("{scheme}, {onto:?}, hω {share}, rest {rest}, ε {restitution}");
+                        assert!(part < limit, "{case}, tick {tick}: {part}");
+                    }
+                }
+            }
+        }
     }
 }

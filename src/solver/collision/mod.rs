@@ -4,7 +4,8 @@
 //! the approaching part of their velocity is removed, and given back with the coefficient of restitution; friction acts on
 //! what is tangential. A pinned particle has infinite mass.
 //!
-//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas;
+//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas, `stiff_rebounds.rs` those of
+//! what springs pull at;
 //! `sweep.rs` what is too fast; `chains.rs`, `extents.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
 //! which pairs may touch, `recall.rs` what is known of them; `whole_ticks.rs` ticks in which nothing can; `narrow.rs` which pairs do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
 //! `touch.rs` the three kinds of contact, `solve.rs` the order in which they are solved. Colliders: `collider.rs` their poses, `shapes/`
@@ -45,6 +46,7 @@ mod shapes;
 mod solids;
 mod solve;
 mod stiff_pairs;
+mod stiff_rebounds;
 mod surface;
 mod sweep;
 mod touch;
@@ -208,18 +210,27 @@ impl ContactCaches {
         }
     }
 
-    /// Resolves all contacts at the end of a substep, and appends them to `records`.
-    pub fn resolve(
+    /// Finds all contacts at the end of a substep, which are to be [solved](Self::solve); whether they are recorded.
+    pub fn find_all(
         &mut self,
         memory: &mut ContactMemory,
         particles: &mut Particles,
         substep: Substep,
-        records: Option<&mut Vec<ContactRecord>>,
+        is_recorded: bool,
     ) {
         self.sweep.begin_substep();
         self.have_moved = substep.settings.pair_rules.is_some() && self.sweep(memory, particles, substep);
-        self.find_touches(particles, substep, records.is_some());
+        self.find_touches(particles, substep, is_recorded);
         self.find(memory, particles, substep);
+    }
+
+    /// Solves the contacts that have been found, and appends them to `records`.
+    pub fn solve(
+        &mut self,
+        particles: &mut Particles,
+        substep: Substep,
+        records: Option<&mut Vec<ContactRecord>>,
+    ) {
         if self.count() == 0 {
             if let Some(records) = records {
                 self.record(particles, records);
@@ -307,6 +318,8 @@ impl ContactCaches {
             candidates.refresh(memory, pair_contacts, particles, previous, substep);
         } else {
             candidates.disable(memory, particles.len());
+            // Which particles are on springs.
+            candidates.refresh_exclusions(memory, particles, substep.elements);
         }
         self.plane_contacts.clear();
         self.surfaces.clear();

@@ -126,6 +126,11 @@ impl PairContacts {
         &self.current[group.pairs.start..][..group.contacts]
     }
 
+    /// The same, to be changed.
+    pub fn of_mut(&mut self, group: &Group) -> &mut [PairContact] {
+        &mut self.current[group.pairs.start..][..group.contacts]
+    }
+
     /// Calls `work` for the contacts of each group.
     fn for_each_group(
         &mut self,

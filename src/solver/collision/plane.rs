@@ -94,6 +94,30 @@ pub(super) struct PlaneContact {
     pub impulse: f32,
 }
 
+impl PlaneContact {
+    /// Whether the particle rebounds.
+    pub fn rebounds(&self) -> bool {
+        self.target_velocity > 0.0
+    }
+
+    /// Gives it the velocity that follows from its accelerations along the normal, where the substep began and where it led to, m/s².
+    pub fn adjust(
+        &mut self,
+        surface: &Surface,
+        particles: &Particles,
+        (rebound, [acceleration, end]): (Rebound, [f32; 2]),
+        skin: Skin,
+    ) {
+        let [restitution, _] = surface.material.between(skin.material);
+        let velocity = Vec3A::from(particles.velocity.get(self.slot)) - self.surface_velocity;
+        let position = Vec3A::from(particles.position.get(self.slot));
+        let depth = surface.depth(position, particles.radius()[self.slot]).max(0.0);
+        let approach = Approach { velocity: velocity.dot(surface.normal), acceleration, depth };
+        let rebound = Rebound { restitution, ..rebound };
+        self.target_velocity = rebound.velocity_after_on_springs(approach, end).max(0.0);
+    }
+}
+
 /// Number of particles that are tested together: most of them touch nothing, and the test runs in vectors.
 const PARTICLES_PER_CHUNK: usize = 64;
 

@@ -63,6 +63,32 @@ impl Rebound {
     }
 }
 
+impl Rebound {
+    /// The same as [`Self::velocity_after`] for what springs pull at, whose acceleration changes within a substep: `approach` has that
+    /// where it came from, and `present` is that where it is, under the surface, m/s². That at the surface is between the two.
+    ///
+    /// The lag of the velocity before the impact is by the present acceleration, that of the velocity after it by the one at the surface,
+    /// and what the springs give between the two places is that of their mean. Only so does a leapfrog keep its energy: with the old
+    /// acceleration a particle that a spring presses onto the surface at hω = 0.5 gains a quarter of it in each impact.
+    pub fn velocity_after_on_springs(&self, approach: Approach, end: f32) -> f32 {
+        let Approach { velocity, acceleration, depth } = approach;
+        let lag = self.velocity_lag * self.substep;
+        if velocity >= 0.0 || velocity + lag * end >= 0.0 {
+            // It leaves already.
+            return velocity;
+        }
+        let share = (depth / (-velocity * self.substep)).min(1.0);
+        let surface = end + (acceleration - end) * share;
+        let speed_squared = (velocity + lag * end) * (velocity + lag * end);
+        let given = (end.min(0.0) + surface.min(0.0)) * depth;
+        let rebound_speed = self.restitution * (speed_squared + given).max(0.0).sqrt();
+        if rebound_speed <= self.resting_speed.max(-surface * self.substep) {
+            return 0.0;
+        }
+        (rebound_speed - lag * surface).max(0.0)
+    }
+}
+
 /// The change of a tangential velocity by Coulomb friction: against it, at most `limit`.
 ///
 /// Also used for the tangential displacement of a substep, which static friction undoes.
@@ -126,6 +152,44 @@ mod tests {
                 Rebound { restitution: 1.0, substep: 0.01, resting_speed: 0.0, slop: 0.0, velocity_lag };
             let approach = Approach { velocity: -0.1, acceleration: -10.0, depth: 0.001 };
             assert_eq!(rule.velocity_after(approach), 0.0);
+        }
+    }
+
+    /// Semi-implicit Euler, ω = 1/s: a particle on a spring at rest at `rest`, above or below the surface, from 1 m with this velocity.
+    /// The most energy in 1,000 substeps of `h` seconds, as a part of that at the start.
+    fn most_energy(h: f32, rest: f32, start: f32) -> f32 {
+        let rule = Rebound { substep: h, velocity_lag: 0.5, ..rebound(1.0) };
+        let energy =
+            |place: f32, velocity: f32| 0.5 * (velocity * velocity + (place - rest) * (place - rest));
+        let (mut place, mut velocity) = (1.0, start);
+        let first = energy(place, velocity);
+        let mut most = first;
+        for _ in 0..1000 {
+            let acceleration = rest - place;
+            velocity += h * acceleration;
+            place += h * velocity;
+            if place < 0.0 && velocity < 0.0 {
+                let approach = Approach { velocity, acceleration, depth: -place };
+                velocity = velocity.max(rule.velocity_after_on_springs(approach, rest - place));
+            }
+            place = place.max(0.0);
+            most = most.max(energy(place, velocity));
+        }
+        most / first
+    }
+
+    /// The energy that the scheme conserves differs from the one that shows by ±hω/2: (1 + hω/2) / (1 − hω/2) of it at most.
+    /// A tenth more for where the impacts are put, which differs from one to the next.
+    #[test]
+    fn what_springs_press_gains_no_energy() {
+        for h in [0.1, 0.3, 0.5, 0.8, 1.0] {
+            let limit = 1.1 * (1.0 + 0.5 * h) / (1.0 - 0.5 * h);
+            for rest in [-2.0, -0.7, 0.0, 0.3, 1.5] {
+                for start in [-3.0, -1.0, 0.5, 2.0] {
+                    let most = most_energy(h, rest, start);
+                    assert!(most < limit, "hω = {h}, rest {rest}, start {start}: {most}");
+                }
+            }
         }
     }
 

@@ -32,6 +32,8 @@ pub(super) use interleaved::{Interleaved, Position};
 pub(super) struct Scratch {
     /// Accelerations of the last evaluation of the forces, m/s².
     pub acceleration: Vectors,
+    /// Accelerations at the end of a substep, m/s²: see [`evaluate_at_end`].
+    at_end: Vectors,
     steps: StepVectors,
     gas: gas::GasForces,
     xpbd: xpbd::Xpbd,
@@ -53,6 +55,11 @@ impl Scratch {
     pub fn begin_tick(&mut self, particles: usize) {
         self.acceleration.resize(particles);
         self.steps.carried = velocity_verlet::Carried::Nothing;
+    }
+
+    /// The accelerations that were [evaluated](evaluate_at_end) last.
+    pub fn at_end(&self) -> &Vectors {
+        &self.at_end
     }
 
     /// To be called when contacts have moved particles.
@@ -123,7 +130,7 @@ pub(super) fn advance(
     substep: f32,
 ) {
     let Net { elements, field, pinned, surroundings, .. } = net;
-    let Scratch { acceleration, steps, gas, xpbd } = scratch;
+    let Scratch { acceleration, steps, gas, xpbd, .. } = scratch;
     let elapsed = [net.elapsed, pinned.elapsed];
     let mut stage =
         Stage { particles, blocks, elements, elapsed, field, pinned, acceleration, scratch: steps, gas };
@@ -182,6 +189,25 @@ pub(super) fn advance_in_place(
         velocity_verlet::advance_in_place(particles, blocks, (&field, steps, acceleration), substeps);
     }
     pinned.apply(particles);
+}
+
+/// Evaluates the accelerations where semi-implicit Euler has brought the particles of the blocks from `start` in a substep of `substep`
+/// seconds, wherever contacts have put them since.
+pub(super) fn evaluate_at_end(
+    (elements, field): (&Elements, Field),
+    blocks: &Blocks,
+    (particles, start): (&Particles, &Vectors),
+    scratch: &mut Scratch,
+    substep: f32,
+) {
+    let Scratch { at_end, gas, steps: StepVectors { position, .. }, .. } = scratch;
+    at_end.resize(particles.len());
+    set_to_sum(position, start, substep, &particles.velocity);
+    for slot in (0..particles.len()).filter(|slot| particles.is_pinned(*slot)) {
+        position.set(slot, particles.position.get(slot));
+    }
+    let field = gas.evaluate(elements.gases(), position, field);
+    kernel::evaluate(Motion::at(position, &particles.velocity, particles), blocks, field, at_end);
 }
 
 /// After the last substep of a tick, of `substep` seconds, and its contacts: corrects the velocities where the scheme has evaluated

@@ -3,11 +3,12 @@
 use super::stiff::surroundings;
 use super::{Caches, Inputs};
 use crate::solver::collision::{ContactCaches, ContactMemory, ContactRecord, Substep, Surfaces};
+use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::outputs::Outputs;
-use crate::solver::particles::Particles;
-use crate::solver::schemes::Remedy;
-use crate::solver::settings::StepSettings;
+use crate::solver::particles::{Particles, Vectors};
+use crate::solver::schemes::{self, Remedy};
+use crate::solver::settings::{Integrator, StepSettings};
 use crate::solver::stability::Plan;
 use crate::solver::state::State;
 
@@ -44,6 +45,18 @@ fn resolve_surfaces(
     any
 }
 
+/// The substep of `duration` seconds that ends when the part `elapsed` of the tick is done.
+fn ending<'a>(
+    inputs: &'a Inputs,
+    (elements, acceleration): (&'a Elements, &'a Vectors),
+    (settings, plan): (&'a StepSettings, Plan),
+    [duration, elapsed]: [f32; 2],
+) -> Substep<'a> {
+    let Inputs { colliders, skins, .. } = inputs;
+    let integrator = plan.integrator;
+    Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed }
+}
+
 impl Caches {
     /// Solves all contacts at the end of a substep of `duration` seconds, when the part `elapsed` of the tick is done; whether those
     /// of surfaces have moved anything.
@@ -55,21 +68,25 @@ impl Caches {
         (settings, plan): (&StepSettings, Plan),
         [duration, elapsed]: [f32; 2],
     ) -> bool {
-        let substep = Substep {
-            elements: &state.elements,
-            colliders: &inputs.colliders,
-            skins: &inputs.skins,
-            acceleration: &self.scratch.acceleration,
-            settings,
-            integrator: plan.integrator,
-            duration,
-            elapsed,
-        };
         self.surfaces.end_advance(&state.particles);
         let mut records = outputs.record_contacts.then_some(&mut outputs.contacts);
-        self.contacts.resolve(&mut state.contacts, &mut state.particles, substep, records.as_deref_mut());
-        let parts = (&self.contacts, &mut self.surfaces, &mut state.contacts);
-        let have_touched = resolve_surfaces(parts, &mut state.particles, substep, records);
+        let is_recorded = records.is_some();
+        let State { particles, elements, contacts: memory, .. } = &mut *state;
+        let elements = &*elements;
+        let (by, end) = ((settings, plan), [duration, elapsed]);
+        let substep = ending(inputs, (elements, &self.scratch.acceleration), by, end);
+        self.contacts.find_all(memory, particles, substep, is_recorded);
+        if plan.integrator == Integrator::SemiImplicitEuler && self.contacts.any_rebounds_on_springs() {
+            let field = Field::of(settings, self.air.load());
+            let motion = (&*particles, self.contacts.start());
+            schemes::evaluate_at_end((elements, field), &self.blocks, motion, &mut self.scratch, duration);
+            let substep = ending(inputs, (elements, &self.scratch.acceleration), by, end);
+            self.contacts.adjust_rebounds(particles, substep, self.scratch.at_end());
+        }
+        let substep = ending(inputs, (elements, &self.scratch.acceleration), by, end);
+        self.contacts.solve(particles, substep, records.as_deref_mut());
+        let parts = (&self.contacts, &mut self.surfaces, memory);
+        let have_touched = resolve_surfaces(parts, particles, substep, records);
         if self.contacts.have_moved() {
             self.scratch.disturb();
             if !state.pulls.is_empty() {
