@@ -159,8 +159,11 @@ impl ContactCaches {
 
     /// Takes note of the particles that are no spheres of their own: see [`Surfaces::covered`].
     pub fn set_covered(&mut self, memory: &mut ContactMemory, particles: &Particles, covered: &[bool]) {
-        self.candidates.covered.clear();
-        self.candidates.covered.extend_from_slice(covered);
+        if self.candidates.covered != covered {
+            self.candidates.covered.clear();
+            self.candidates.covered.extend_from_slice(covered);
+            self.candidates.exclusions_version = None;
+        }
         memory.check_spheres(particles.radius(), covered);
     }
 
