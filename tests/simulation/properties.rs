@@ -268,6 +268,15 @@ proptest! {
         prop_assert!(fastest < 1.0, "{fastest} of what all the energy gives");
     }
 
+    /// Nor where the particles fly at each other at up to 300 m/s.
+    #[test]
+    fn fast_nets_never_explode(net in nets(0.001..10.0, 1.0..1e6), pins: u16) {
+        let mut net = net;
+        net.particles.iter_mut().for_each(|(_, velocity, _)| *velocity *= 350.0);
+        let fastest = fastest(&net, pins);
+        prop_assert!(fastest < 1.0, "{fastest} of what all the energy gives");
+    }
+
     #[test]
     fn archetypes_do_not_matter(net in nets(0.1..10.0, 1.0..5000.0), pins: u16, markers: u16) {
         let (mut plain, mut marked) = (app(), app());
