@@ -4,9 +4,8 @@
 //! the approaching part of their velocity is removed, and given back with the coefficient of restitution; friction acts on
 //! what is tangential. A pinned particle has infinite mass.
 //!
-//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas, `stiff_rebounds.rs` those of
-//! what springs pull at;
-//! `sweep.rs` what is too fast; `chains.rs`, `extents.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
+//! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas,
+//! `stiff_rebounds.rs` the accelerations for them; `sweep.rs` what is too fast; `chains.rs`, `extents.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
 //! which pairs may touch, `recall.rs` what is known of them; `whole_ticks.rs` ticks in which nothing can; `narrow.rs` which pairs do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
 //! `touch.rs` the three kinds of contact, `solve.rs` the order in which they are solved. Colliders: `collider.rs` their poses, `shapes/`
 //! their geometry, `material.rs` restitution, friction and layers, `touch_search.rs` which particles touch them, `feature_search.rs`
@@ -213,7 +212,7 @@ impl ContactCaches {
         }
     }
 
-    /// Finds all contacts at the end of a substep, which are to be [solved](Self::solve); whether they are recorded.
+    /// Finds all contacts at the end of a substep, for [`Self::solve`]. What sensors touch is found only if it `is_recorded`.
     pub fn find_all(
         &mut self,
         memory: &mut ContactMemory,
@@ -321,7 +320,7 @@ impl ContactCaches {
             candidates.refresh(memory, pair_contacts, particles, previous, substep);
         } else {
             candidates.disable(memory, particles.len());
-            // Which particles are on springs.
+            // Rebounds from colliders depend on which particles are on springs.
             candidates.refresh_exclusions(memory, particles, substep.elements);
         }
         self.plane_contacts.clear();

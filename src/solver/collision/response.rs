@@ -64,12 +64,12 @@ impl Rebound {
 }
 
 impl Rebound {
-    /// The same as [`Self::velocity_after`] for what springs pull at, whose acceleration changes within a substep: `approach` has that
-    /// where it came from, and `present` is that where it is, under the surface, m/s². That at the surface is between the two.
+    /// The same as [`Self::velocity_after`] for a particle on springs, as its acceleration changes within a substep: `approach` has the one at
+    /// the start of the substep, and `end` is the one at its end, `depth` under the surface, m/s². At the surface it is interpolated.
     ///
-    /// The lag of the velocity before the impact is by the present acceleration, that of the velocity after it by the one at the surface,
-    /// and what the springs give between the two places is that of their mean. Only so does a leapfrog keep its energy: with the old
-    /// acceleration a particle that a spring presses onto the surface at hω = 0.5 gains a quarter of it in each impact.
+    /// The velocity before the impact lags by the acceleration at the end, that after it by the one at the surface, and the work of the springs
+    /// between the two places is that of their mean. Only so does a leapfrog keep its energy: with the acceleration at the start
+    /// alone, a spring that presses a particle onto a plane at hω = 0.5 and ε = 1 multiplied it by 1,000 in 600 steps.
     pub fn velocity_after_on_springs(&self, approach: Approach, end: f32) -> f32 {
         let Approach { velocity, acceleration, depth } = approach;
         let lag = self.velocity_lag * self.substep;

@@ -1,4 +1,4 @@
-//! Rebounds of what springs pull at, under a scheme whose velocities lag.
+//! Rebounds of particles on springs under semi-implicit Euler, where velocities lag half a substep behind positions.
 //!
 //! How fast something rebounds follows from its acceleration: see `response.rs`. Semi-implicit Euler has evaluated that where the substep
 //! began. For loose particles it is the same where they touch; that of what springs pull at is evaluated again where the substep would
@@ -23,20 +23,27 @@ struct Accelerations<'a> {
     previous: &'a Vectors,
     /// s.
     duration: f32,
+    /// Of the particles that an implicit step has moved, which blocks have no accelerations of.
+    is_implicit: &'a [bool],
 }
 
 impl Accelerations<'_> {
-    /// Those of a particle; of what no spring pulls at both are the same.
+    /// Whether semi-implicit Euler has moved a particle.
+    fn is_explicit(&self, slot: usize) -> bool {
+        !self.particles.is_pinned(slot) && self.is_implicit.get(slot) != Some(&true)
+    }
+
+    /// Those of a particle; of a loose one both are the same.
     fn of(&self, slot: usize) -> [Vec3; 2] {
         let start = self.start.get(slot);
-        let is_sprung = self.exclusions.is_sprung(slot) && !self.particles.is_pinned(slot);
-        [start, if is_sprung { self.at_end.get(slot) } else { start }]
+        let changes = self.exclusions.is_sprung(slot) && self.is_explicit(slot);
+        [start, if changes { self.at_end.get(slot) } else { start }]
     }
 
     /// By how much a particle has been put back from where the substep would have led to, m.
     fn put_back(&self, slot: usize) -> Vec3 {
         let Self { particles, previous, duration, .. } = self;
-        if particles.is_pinned(slot) {
+        if !self.is_explicit(slot) {
             return Vec3::ZERO;
         }
         particles.position.get(slot) - (previous.get(slot) + *duration * particles.velocity.get(slot))
@@ -73,11 +80,27 @@ impl ContactCaches {
     pub fn adjust_rebounds(&mut self, particles: &Particles, substep: Substep, at_end: &Vectors) {
         let Substep { colliders, skins, duration, .. } = substep;
         let rebound = substep.rebound();
-        let Self { candidates, plane_contacts, touches, surfaces, pair_contacts, bodies, previous, .. } =
-            self;
+        let Self {
+            candidates,
+            plane_contacts,
+            touches,
+            surfaces,
+            pair_contacts,
+            bodies,
+            previous,
+            is_implicit,
+            ..
+        } = self;
         let exclusions = &candidates.exclusions;
-        let accelerations =
-            Accelerations { start: substep.acceleration, at_end, exclusions, particles, previous, duration };
+        let accelerations = Accelerations {
+            start: substep.acceleration,
+            at_end,
+            exclusions,
+            particles,
+            previous,
+            duration,
+            is_implicit,
+        };
         for contact in plane_contacts.iter_mut().filter(|contact| contact.rebounds()) {
             let surface = &surfaces[contact.plane];
             let accelerations =
@@ -86,10 +109,10 @@ impl ContactCaches {
         }
         for touch in touches.all.iter_mut().filter(|touch| touch.target_velocity > 0.0) {
             let ends =
-                || touch.slots[..touch.count as usize].iter().map(|slot| *slot as usize).zip(touch.weights);
+                touch.slots[..touch.count as usize].iter().map(|slot| *slot as usize).zip(touch.weights);
             let [mut velocity, mut start, mut end, mut put_back] =
                 [-touch.surface_velocity, Vec3A::ZERO, Vec3A::ZERO, Vec3A::ZERO];
-            for (slot, weight) in ends() {
+            for (slot, weight) in ends {
                 let [from, to] = accelerations.of(slot);
                 velocity += weight * Vec3A::from(particles.velocity.get(slot));
                 start += weight * Vec3A::from(from);

@@ -91,12 +91,12 @@ impl Sweep {
         let paths = Paths { particles, previous, common: self.common, stops: &[] };
         let radius = particles.radius();
         self.is_fast.clear();
-        self.is_fast.resize(particles.len(), false);
+        self.is_fast.reserve(particles.len());
         self.reserve(particles.len());
         if !paths.any_long() {
+            self.is_fast.resize(particles.len(), false);
             return false;
         }
-        self.is_fast.clear();
         self.is_fast.extend(radius.iter().enumerate().map(|(slot, radius)| {
             let least = SWEPT_WAY * radius;
             *radius > 0.0 && is_swept(slot) && paths.way(slot).length_squared() > least * least
@@ -140,12 +140,7 @@ impl Sweep {
                 let slots = [a.min(b), a.max(b)];
                 any_fast && may_collide(particles, slots) && paths.impact(a, b).is_some()
             };
-            if let Some(listed) = listed {
-                pairs.clear();
-                pairs.extend(listed.iter().filter(|(a, b)| collide(*a, *b)));
-            } else {
-                paths.find_pairs(grid, is_fast, &is_swept, collide, pairs);
-            }
+            paths.find_pairs((&mut *grid, listed), is_fast, &is_swept, collide, pairs);
             impacts.clear();
             impacts.extend(pairs.iter().filter_map(|(a, b)| paths.impact(*a, *b)));
             impacts.sort_unstable_by(|one, other| {
@@ -228,15 +223,20 @@ impl Paths<'_> {
         (radius > 0.0 && centre.is_finite() && reach.is_finite()).then_some((centre, reach))
     }
 
-    /// Lists the pairs that `collide` on their way.
+    /// Lists the pairs that `collide` on their way, among those that are `listed` as near each other if these are known.
     fn find_pairs(
         self,
-        grid: &mut Grid,
+        (grid, listed): (&mut Grid, Option<&[(u32, u32)]>),
         is_fast: &[bool],
         is_swept: impl Fn(usize) -> bool,
         collide: impl Fn(u32, u32) -> bool + Sync,
         pairs: &mut Vec<(u32, u32)>,
     ) {
+        if let Some(listed) = listed {
+            pairs.clear();
+            pairs.extend(listed.iter().filter(|(a, b)| collide(*a, *b)));
+            return;
+        }
         let (mut least, mut most) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (slot, _) in is_fast.iter().enumerate().filter(|(_, is_fast)| **is_fast) {
             if let Some((centre, reach)) = self.sphere(slot) {

@@ -21,7 +21,7 @@ use crate::solver::settings::PairRules;
 /// The gap at the start of a substep up to which two particles touch, as a part of the sum of their radii.
 const TOUCHING_GAP: f64 = 1e-3;
 
-/// Displacements of this part of those of a pair that is swept may be, without rounding, those of one.
+/// A relative displacement in single precision below this part of the least one that is swept is too short in double precision, too.
 const ROUNDED_WAY: f32 = 0.9;
 
 /// Number of searches at most.
@@ -104,12 +104,7 @@ impl Sweep {
                     && may_slide(particles, slots.into())
                     && known.binary_search(&slots).is_err()
             };
-            if let Some(listed) = listed {
-                pairs.clear();
-                pairs.extend(listed.iter().filter(|(a, b)| may_slide(*a, *b)));
-            } else {
-                paths.find_pairs(grid, is_fast, &is_swept, may_slide, pairs);
-            }
+            paths.find_pairs((&mut *grid, listed), is_fast, &is_swept, may_slide, pairs);
             if pairs.is_empty() {
                 break;
             }
@@ -263,7 +258,7 @@ mod tests {
     const DEPTH: f32 = 2e-5;
 
     /// A particle of 3 kg that moves by `way`, at this velocity in m/s, and touches one of 1 kg that stands still; where both are
-    /// afterwards and how fast, and what they were.
+    /// afterwards, and how fast.
     fn slide(way: Vec3, rules: PairRules) -> [[Vec3; 2]; 2] {
         let (mut particles, mut previous) = (Particles::default(), Vectors::default());
         for (start, way, mass) in [(Vec3::ZERO, way, 3.0_f32), (Vec3::X * 0.2, Vec3::ZERO, 1.0)] {

@@ -17,7 +17,7 @@ pub(super) const FEATURE_TOLERANCE: f64 = 0.03;
 /// The same for a rebound, which no further step corrects.
 pub(super) const REBOUND_TOLERANCE: f64 = 1e-4;
 
-/// Number of iterations by whose gains the error is estimated (Strakoš and Tichý, *ETNA* 13, 56, 2002).
+/// Number of iterations from the gains of which the error is estimated (Strakoš and Tichý, *ETNA* 13, 56, 2002).
 const LOOK_BACK: usize = 4;
 
 /// Maximal number of iterations.

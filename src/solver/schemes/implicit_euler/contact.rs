@@ -63,7 +63,7 @@ pub(super) struct Contact {
     pub max_depth: f64,
     /// By how much K is greater than that of others.
     pub hardness: f64,
-    /// Of an edge or a face whose point follows the iterates.
+    /// Of an edge or a face: how the contact point follows the iterates.
     pub followed: Option<Followed>,
 }
 

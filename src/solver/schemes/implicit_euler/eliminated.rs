@@ -16,7 +16,7 @@ pub(super) struct Eliminated {
 }
 
 impl Eliminated {
-    /// That of a node whose block is factored, which `link` couples to its parent, and which has this `right` side.
+    /// That of a node, from its factored block, the `link` that couples it to its parent, and its `right` side.
     #[inline]
     pub fn new(factor: &Factor, link: &Symmetric, right: DVec3) -> Self {
         let Factor { yx, zx, zy, inverse_pivots } = *factor;

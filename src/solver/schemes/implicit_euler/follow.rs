@@ -18,7 +18,7 @@ use super::system::Compound;
 use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::Linked;
 
-/// The distance between the points whose normals say how the surface curves, as a part of an edge.
+/// The distance of the points at which normals are taken for the curvature of the surface, as a part of an edge.
 const PROBE: f64 = 1e-4;
 
 /// Number of steps of the weights in an iteration.
