@@ -15,7 +15,7 @@ use bevy::prelude::*;
 use bevy::transform::TransformSystems;
 
 use crate::particle::{Particle, Pinned};
-use crate::report::SleepingParticles;
+use crate::report::{InvalidColliders, SleepingParticles};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
 
@@ -42,6 +42,7 @@ impl Plugin for MassSpringGizmosPlugin {
         }
         app.init_gizmo_group::<MassSpringGizmos>()
             .init_resource::<SleepingParticles>()
+            .init_resource::<InvalidColliders>()
             .add_systems(
                 PostUpdate,
                 (
@@ -75,8 +76,8 @@ impl Plugin for MassSpringGizmosPlugin {
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_mass_spring::prelude::*;
-/// fn hide_planes(mut store: ResMut<GizmoConfigStore>) {
-///     store.config_mut::<MassSpringGizmos>().1.planes = false;
+/// fn hide_colliders(mut store: ResMut<GizmoConfigStore>) {
+///     store.config_mut::<MassSpringGizmos>().1.colliders = false;
 /// }
 /// ```
 #[derive(Reflect, GizmoConfigGroup, Debug, Clone)]
@@ -89,7 +90,7 @@ pub struct MassSpringGizmos {
     /// Whether springs are drawn as lines coloured by their stretch. Default true.
     pub springs: bool,
     /// Whether the outline of each collider is drawn, of half-spaces a patch of grid and the normal. Default true.
-    pub planes: bool,
+    pub colliders: bool,
     /// Whether points, normals and impulses of contacts are drawn: those of the ticks of this frame, or, if it had none,
     /// of the last one that had. Default false.
     ///
@@ -113,13 +114,17 @@ pub struct MassSpringGizmos {
     /// The |l − l0| / l0 at which a spring has its full colour, > 0. Default 0.1.
     pub full_stretch: f32,
     /// Colour of colliders.
-    pub plane_color: Color,
+    pub collider_color: Color,
+    /// Colour of colliders that are sensors.
+    pub sensor_color: Color,
+    /// Colour of colliders that are left out of the simulation: see [`InvalidColliders`].
+    pub invalid_color: Color,
     /// Colour of contacts.
     pub contact_color: Color,
     /// The length of the arrow of a contact, m for each N·s of its impulse in the tick, >= 0. Default 1.
     pub contact_scale: f32,
-    /// Side of the square of a plane that is drawn, in m, > 0. Default 10.
-    pub plane_size: f32,
+    /// Side of the square of the surface of a half-space that is drawn, in m, > 0. Default 10.
+    pub half_space_size: f32,
     /// Colour of the ring around the particle under the pointer.
     pub hovered_color: Color,
     /// Colour of the ring around the particle in the pointer's grip.
@@ -131,7 +136,7 @@ impl Default for MassSpringGizmos {
         Self {
             particles: true,
             springs: true,
-            planes: true,
+            colliders: true,
             contacts: false,
             grip: true,
             particle_color: Color::srgb(0.35, 0.75, 1.0),
@@ -141,10 +146,12 @@ impl Default for MassSpringGizmos {
             tension_color: Color::srgb(1.0, 0.2, 0.15),
             compression_color: Color::srgb(0.25, 0.4, 1.0),
             full_stretch: 0.1,
-            plane_color: Color::srgb(0.45, 0.5, 0.55),
+            collider_color: Color::srgb(0.45, 0.5, 0.55),
+            sensor_color: Color::srgb(0.3, 0.8, 0.4),
+            invalid_color: Color::srgb(0.95, 0.1, 0.5),
             contact_color: Color::srgb(1.0, 0.3, 0.8),
             contact_scale: 1.0,
-            plane_size: 10.0,
+            half_space_size: 10.0,
             hovered_color: Color::srgb(1.0, 1.0, 1.0),
             dragged_color: Color::srgb(1.0, 0.85, 0.2),
         }
@@ -162,6 +169,14 @@ impl MassSpringGizmos {
             (true, _) => self.pinned_color,
             (false, true) => self.asleep_color,
             (false, false) => self.particle_color,
+        }
+    }
+
+    fn color_of_collider(&self, is_invalid: bool, is_sensor: bool) -> Color {
+        match (is_invalid, is_sensor) {
+            (true, _) => self.invalid_color,
+            (false, true) => self.sensor_color,
+            (false, false) => self.collider_color,
         }
     }
 

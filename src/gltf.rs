@@ -36,7 +36,7 @@ pub use crate::nets::ATTRIBUTE_PIN;
 
 /// Makes nets of the nodes of glTF files: see the [module](self).
 ///
-/// The attribute `_PIN` is read only if Bevy's `GltfPlugin` knows of it, by its name without the underscore:
+/// The attribute `_PIN` is read only if it is registered with Bevy's `GltfPlugin`, by its name without the underscore:
 ///
 /// ```
 /// # use bevy::prelude::*;

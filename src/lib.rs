@@ -19,6 +19,26 @@
 //! # app.update();
 //! ```
 //!
+//! Many particles on one entity are a net: a rope, a cloth, a jelly or a balloon of a material in physical units. The guide
+//! is in the module [`nets`].
+//!
+//! ```
+//! use bevy::prelude::*;
+//! use bevy_mass_spring::prelude::*;
+//!
+//! # let mut app = App::new();
+//! # app.add_plugins(MinimalPlugins);
+//! # app.add_plugins(MassSpringPlugin::default());
+//! app.add_systems(Startup, |mut commands: Commands| {
+//!     let hook = (Part::Start, Pinned);
+//!     let lamp = (Part::End, AppliedForce(Vec3::NEG_Y * 5.0)); // N
+//!     let rope = Rope::new(3.0).with_material(RopeMaterial::HEMP); // m
+//!     // With `RopeMesh::default()` (feature `render`) it is drawn, too.
+//!     commands.spawn((rope, related!(Parts[hook, lamp]), Transform::from_xyz(0.0, 4.0, 0.0)));
+//! });
+//! # app.update();
+//! ```
+//!
 //! The position of a particle is its [`Transform`](bevy::prelude::Transform): moving it moves the
 //! particle. [`Pinned`] particles go where their transform (or their moving parent) goes, and
 //! drag along what hangs from them. [`Environment`] holds gravity and the viscosity of the medium,
@@ -79,7 +99,7 @@ pub mod prelude {
     pub use crate::bend::Bend;
     pub use crate::collider::{
         ColliderMotion, ColliderPart, ColliderShape, CollisionSettings, CombineRule, Contact, ContactEnded,
-        ContactEvents, ContactLayers, ContactMaterial, ContactStarted, ParticleCollider,
+        ContactEvents, ContactExemptions, ContactLayers, ContactMaterial, ContactStarted, ParticleCollider,
     };
     pub use crate::diagnostics::{MassSpringDiagnosticsPlugin, Measurements};
     #[cfg(feature = "drag")]
@@ -90,7 +110,7 @@ pub mod prelude {
     #[cfg(feature = "gltf")]
     pub use crate::gltf::MassSpringGltfPlugin;
     pub use crate::nets::{
-        Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
+        Air, Attachment, Balloon, BalloonMaterial, BalloonShape, Breaking, Cloth, ClothMaterial, ClothShape,
         Corner, Jelly, JellyMaterial, JellyShape, Part, PartOf, ParticleNet, Parts, Rope, RopeMaterial, Side,
         Winch, Yielding,
     };
@@ -99,12 +119,14 @@ pub mod prelude {
     pub use crate::particle::{
         AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder,
     };
-    pub use crate::queries::{ParticleHit, ParticleQueries};
+    pub use crate::queries::{ParticleHit, ParticleQueries, ParticleQueryFilter};
     #[cfg(feature = "render")]
     pub use crate::render::{
         MassSpringRenderPlugin, NetMesh, NetSkin, RopeCrowd, RopeLinks, RopeMesh, RopeRibbon,
     };
-    pub use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
+    pub use crate::report::{
+        Broke, InvalidColliders, ParticleFault, Reaction, SleepingParticles, SpringForces, TickReport,
+    };
     #[cfg(feature = "scene")]
     pub use crate::scene::{MassSpringScene, MassSpringScenePlugin, MassSpringSceneRoot};
     pub use crate::settings::{
@@ -126,7 +148,7 @@ pub use prelude::*;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// The code of the guide to nets, compiled.
-#[cfg(all(doctest, feature = "render"))]
-#[doc = include_str!("../docs/nets.md")]
-struct NetsGuide;
+/// The code of the guide to contacts, compiled.
+#[cfg(all(doctest, feature = "scene"))]
+#[doc = include_str!("../docs/contacts.md")]
+struct ContactsGuide;

@@ -42,6 +42,16 @@ pub fn positive(field: &'static str, value: f32) -> Result<(), InvalidParameter>
     require(value.is_finite() && value > 0.0, field, value, "a finite number > 0")
 }
 
+/// Accepts finite numbers > 0 with a finite inverse.
+///
+/// # Errors
+/// [`InvalidParameter`] naming `field` otherwise.
+#[inline]
+pub fn mass(field: &'static str, value: f32) -> Result<(), InvalidParameter> {
+    positive(field, value)?;
+    require((1.0 / value).is_finite(), field, value, "a number of which the inverse is finite")
+}
+
 /// Accepts finite numbers >= 0.
 ///
 /// # Errors
@@ -81,6 +91,7 @@ mod tests {
     fn the_ends_of_each_range() {
         assert!(positive("mass", f32::MIN_POSITIVE).is_ok());
         assert!(positive("mass", 0.0).is_err());
+        assert!(mass("mass", f32::MIN_POSITIVE).is_ok() && mass("mass", 1e-40).is_err());
         assert!(positive("mass", f32::INFINITY).is_err());
         assert!(non_negative("radius", 0.0).is_ok());
         assert!(non_negative("radius", -f32::MIN_POSITIVE).is_err());

@@ -41,7 +41,7 @@ impl Particle {
     /// # Errors
     /// Names the field at fault.
     pub fn validate(&self) -> Result<(), InvalidParameter> {
-        parameter::positive("mass", self.mass)?;
+        parameter::mass("mass", self.mass)?;
         parameter::non_negative("radius", self.radius)
     }
 }

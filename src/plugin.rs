@@ -6,8 +6,8 @@ use bevy::prelude::*;
 
 use crate::bend::Bend;
 use crate::collider::{
-    ColliderMotion, ColliderShape, CollisionSettings, ContactEvents, ContactLayers, ContactMaterial,
-    ParticleCollider,
+    ColliderMotion, ColliderShape, CollisionSettings, ContactEvents, ContactExemptions, ContactLayers,
+    ContactMaterial, ParticleCollider,
 };
 use crate::environment::Environment;
 use crate::nets::{
@@ -15,7 +15,9 @@ use crate::nets::{
     Winch, Yielding,
 };
 use crate::particle::{AppliedForce, Particle, ParticleVelocity, Pinned, Quarantined, SimulationOrder};
-use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
+use crate::report::{
+    Broke, InvalidColliders, ParticleFault, Reaction, SleepingParticles, SpringForces, TickReport,
+};
 use crate::schedule::{MassSpringSystems, SimulationSchedule, Tick, time_advances};
 use crate::settings::{Dimensions, OrphanedSprings, SleepSettings, SolverSettings};
 use crate::spring::{Broken, Spring};
@@ -124,10 +126,11 @@ fn add_once<P: Plugin>(app: &mut App, plugin: P) {
 
 fn register_types(app: &mut App) {
     app.register_type::<(Particle, ParticleVelocity, Pinned, Quarantined, AppliedForce, Spring, Bend, ParticleCollider)>()
-        .register_type::<(ColliderMotion, ColliderShape, ContactEvents, ContactLayers, ContactMaterial)>()
+        .register_type::<(ColliderMotion, ColliderShape, ContactEvents)>()
+        .register_type::<(ContactExemptions, ContactLayers, ContactMaterial)>()
         .register_type::<(Environment, SolverSettings, SleepSettings, Dimensions, OrphanedSprings, CollisionSettings)>()
         .register_type::<(Rope, Cloth, Jelly, Balloon)>()
         .register_type::<(ParticleNet, Part, PartOf, Parts, PartState, Breaking, Yielding, Attachment, Winch)>()
-        .register_type::<(TickReport, SleepingParticles, SpringForces, SimulationOrder, Broken, Broke)>()
+        .register_type::<(TickReport, SleepingParticles, InvalidColliders, SpringForces, Reaction, SimulationOrder, Broken, Broke)>()
         .register_type::<(crate::collider::Contact, crate::collider::ContactStarted, crate::collider::ContactEnded, ParticleFault, crate::diagnostics::Measurements)>();
 }

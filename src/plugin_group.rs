@@ -21,7 +21,7 @@ use crate::time_control::SingleStepPlugin;
 /// | `MassSpringRenderPlugin` | `render` | draws nets, in apps with meshes |
 /// | `MassSpringCrowdPlugin` | `crowd` | draws crowds of ropes, in apps with `PbrPlugin` |
 /// | `MassSpringGltfPlugin` | `gltf` | makes nets of the nodes of glTF files |
-/// | `MassSpringGizmosPlugin` | `gizmos` | draws particles, springs and planes, in apps with gizmos |
+/// | `MassSpringGizmosPlugin` | `gizmos` | draws particles, springs, colliders and contacts, in apps with gizmos |
 /// | `ParticleDragPlugin` | `drag` | drags particles by the pointer, in apps with picking |
 /// | `MassSpringPanelPlugin` | `panel` | the egui panel, in apps with a window |
 ///
@@ -79,12 +79,12 @@ impl PluginGroup for MassSpringPlugins {
         let group = group.add(crate::scene::MassSpringScenePlugin);
         #[cfg(feature = "interpolation")]
         let group = group.add(crate::interpolation::MassSpringInterpolationPlugin::default());
-        let group =
-            group.add(MassSpringPlugin::new(self.schedule).physics_only()).add(MassSpringDiagnosticsPlugin);
         #[cfg(feature = "render")]
         let group = group.add(crate::render::MassSpringRenderPlugin);
         #[cfg(feature = "crowd")]
         let group = group.add(crate::render::MassSpringCrowdPlugin::default());
+        let group =
+            group.add(MassSpringPlugin::new(self.schedule).physics_only()).add(MassSpringDiagnosticsPlugin);
         #[cfg(feature = "gltf")]
         let group = group.add(crate::gltf::MassSpringGltfPlugin);
         #[cfg(feature = "gizmos")]

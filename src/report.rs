@@ -114,9 +114,79 @@ pub struct SpringForces {
     /// Each spring in the simulation and its tension in N, damper included; negative where it pushes. In the order of
     /// spawning. Those of a net are in its [`tension`](crate::ParticleNet::tension).
     pub tensions: Vec<(Entity, f32)>,
-    /// Each pinned particle with springs, and the force in N with which they pull at it, in world space. Those of a
-    /// net come under its entity, one after the other.
-    pub reactions: Vec<(Entity, Vec3)>,
+    /// With what force all that holds particles is pulled at: pinned particles, and what parts are attached to.
+    pub reactions: Vec<Reaction>,
+}
+
+/// The force on what holds a particle, among the [`SpringForces`].
+///
+/// An [`Attachment`](crate::Attachment) to an entity that is no particle moves with this, and does not push it: a game that
+/// moves its body by its own physics, or by those of a rigid-body engine, applies the reaction to it.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// # let mut app = App::new();
+/// app.init_resource::<SpringForces>();
+///
+/// /// A body of the game's own.
+/// #[derive(Component)]
+/// struct Body {
+///     mass: f32,
+///     inverse_inertia: f32,
+///     velocity: Vec3,
+///     spin: Vec3,
+/// }
+///
+/// // In FixedUpdate: the forces are those of the last tick.
+/// fn pull(forces: Res<SpringForces>, time: Res<Time>, mut bodies: Query<(&mut Body, &Transform)>) {
+///     for reaction in &forces.reactions {
+///         let Ok((mut body, place)) = bodies.get_mut(reaction.entity) else { continue };
+///         let impulse = reaction.force * time.delta_secs();
+///         let arm = reaction.point - place.translation;
+///         let change = impulse / body.mass;
+///         body.velocity += change;
+///         let turn = arm.cross(impulse) * body.inverse_inertia;
+///         body.spin += turn;
+///     }
+/// }
+/// ```
+#[derive(Reflect, Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
+pub struct Reaction {
+    /// What holds: a pinned [`Particle`](crate::Particle); the net of a pinned one; or the entity that an
+    /// [`Attachment`](crate::Attachment) names, one reaction for each particle that is tied to it.
+    pub entity: Entity,
+    /// The number of the pinned particle, if `entity` is its net.
+    pub index: Option<u32>,
+    /// The force with which springs, bends and gas pull at it, in world space, N.
+    pub force: Vec3,
+    /// Where it acts, in world space, m.
+    pub point: Vec3,
+}
+
+/// The colliders that the last tick left out of the simulation: of an invalid shape, scale, place or surface. The log has
+/// a warning for each, which says why.
+///
+/// It is kept only while this resource exists: insert it to read it.
+#[derive(Resource, Reflect, Debug, Clone, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
+#[non_exhaustive]
+pub struct InvalidColliders {
+    /// Each of them, in ascending order.
+    pub all: Vec<Entity>,
+}
+
+impl InvalidColliders {
+    /// Whether a collider is left out.
+    pub fn contains(&self, collider: Entity) -> bool {
+        self.all.binary_search(&collider).is_ok()
+    }
 }
 
 /// The particles that sleep after the last tick: see [`SleepSettings`](crate::settings::SleepSettings).

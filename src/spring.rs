@@ -17,7 +17,7 @@ use crate::parameter::{self, InvalidParameter};
 /// equal parts over the substeps of the next tick, so that a winch that shortens its rope a little in every tick pulls
 /// smoothly.
 ///
-/// A spring whose particles do not exist or whose values are bad is left out of the simulation, with
+/// A spring with particles that do not exist, or with bad values, is left out of the simulation, with
 /// one warning that names it, until it is corrected.
 #[derive(Component, MapEntities, Reflect, Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]

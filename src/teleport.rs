@@ -4,16 +4,16 @@ use bevy::prelude::*;
 
 use crate::sync::{Scope, relocate};
 
-/// Moves particles, nets and planes to another place at once: nothing has moved, it is elsewhere.
+/// Moves particles, nets and colliders to another place at once: nothing has moved, it is elsewhere.
 ///
 /// Strains, contacts and velocities relative to each other stay what they are; a rotation turns velocities, too. No
-/// easing draws the way in between. Positions are moved as exactly as the solver knows them, which is finer than a
+/// easing draws the way in between. Positions are moved as exactly as the solver stores them, which is finer than a
 /// `Transform` far from the origin.
 ///
 /// The next tick recognises by itself, without this command, a motion of the `Transform`s (or those of parents) of
 /// - all free particles of a net by the same translation or rotation, together with at least one pinned particle of
 ///   it, if there are any; other pinned particles may move by themselves at the same time;
-/// - all particles there are (a floating origin): then planes that went along are teleported, too.
+/// - all particles there are (a floating origin): then colliders that went along are teleported, too.
 ///
 /// It is needed for all else: a pinned particle that is to jump though what hangs from it stays behind, a plane that
 /// jumps, and what is moved between two ticks while easing shows it on the way (in `Update`, say, where positions
@@ -38,7 +38,7 @@ pub struct Teleport {
 }
 
 impl Teleport {
-    /// Moves one particle, net or plane. Contacts of a particle are removed; its springs stay.
+    /// Moves one particle, net or collider. Contacts of a particle are removed; its springs stay.
     ///
     /// The `isometry` maps the places of the world to new ones: a `Vec3` is a translation in m, a `Quat` a rotation
     /// about the origin of the world.
@@ -52,7 +52,7 @@ impl Teleport {
         Self { scope: Scope::Net(particle), isometry: isometry.into() }
     }
 
-    /// Moves all particles, nets and planes. The `isometry` is as in [`entity`](Self::entity).
+    /// Moves all particles, nets and colliders. The `isometry` is as in [`entity`](Self::entity).
     pub fn everything(isometry: impl Into<Isometry3d>) -> Self {
         Self { scope: Scope::Everything, isometry: isometry.into() }
     }

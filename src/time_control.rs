@@ -47,7 +47,7 @@ impl Plugin for SingleStepPlugin {
 }
 
 /// Adds one time step to the fixed clock for each request, which the fixed loop then runs.
-fn grant_single_steps(
+pub(crate) fn grant_single_steps(
     mut single_step: ResMut<SingleStep>,
     virtual_time: Res<Time<Virtual>>,
     mut fixed_time: ResMut<Time<Fixed>>,

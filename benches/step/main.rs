@@ -261,8 +261,9 @@ fn balls(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Ropes of 20 balls of 0.02 m, 0.1 m apart, that swing side by side from 46° below the horizontal.
-fn ropes(count: usize) -> Solver {
+/// Ropes of 20 balls of 0.02 m, 0.1 m apart, that swing side by side from 46° below the horizontal; they collide as balls, or along their
+/// links, too.
+fn ropes(count: usize, along_links: bool) -> Solver {
     let mut state = Solver::default();
     for rope in 0..count {
         let anchor = Vec3::new((rope % 10) as f32 * 5.0, 0.0, (rope / 10) as f32 * 0.2);
@@ -278,21 +279,27 @@ fn ropes(count: usize) -> Solver {
                     ..Default::default()
                 };
                 state.add_spring([last - 1, last], spring).unwrap();
+                if along_links {
+                    state.add_collision_edge([last - 1, last]).unwrap();
+                }
             }
         }
     }
     state
 }
 
-/// What it costs that ropes might touch: `on` is to be at most 1.5 times `off`. Forty ticks of 1/60 s an iteration,
+/// What it costs that ropes might touch: the others are to be at most 1.5 times `off`. Forty ticks of 1/60 s an iteration,
 /// the second half of a swing to the other side and back, under `Auto`.
 fn apart(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("500 ropes that touch nothing, collisions");
     group.sample_size(20);
-    for (name, pair_rules) in [("off", None), ("on", Some(PairRules::default()))] {
+    let rules = Some(PairRules::default());
+    for (name, pair_rules, along_links) in
+        [("off", None, false), ("on", rules, false), ("on, along links", rules, true)]
+    {
         let settings =
             StepSettings { gravity: GRAVITY, viscosity: 0.02, pair_rules, ..StepSettings::default() };
-        let mut start = ropes(500);
+        let mut start = ropes(500, along_links);
         for _ in 0..40 {
             start.step(&settings);
         }

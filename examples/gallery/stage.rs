@@ -134,10 +134,10 @@ fn spawn_light_and_floor(mut commands: Commands, mut stage: Stage) {
 /// Exhibits have meshes: of the gizmos only the ring around what is dragged is drawn, until key o is pressed.
 fn hide_gizmos(mut store: ResMut<GizmoConfigStore>) {
     let (config, gizmos) = store.config_mut::<MassSpringGizmos>();
-    (gizmos.particles, gizmos.springs, gizmos.planes) = (false, false, false);
+    (gizmos.particles, gizmos.springs, gizmos.colliders) = (false, false, false);
     // Outlines are seen through what lies on them.
     config.depth_bias = -1.0;
-    gizmos.plane_color = Color::srgb(0.05, 0.30, 0.50);
+    gizmos.collider_color = Color::srgb(0.05, 0.30, 0.50);
 }
 
 fn point_camera(view: Res<View>, turn: Res<Turn>, mut camera: Single<&mut PanOrbitCamera>) {

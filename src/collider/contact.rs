@@ -32,7 +32,8 @@ pub struct Contact {
 /// sensors included.
 ///
 /// As a message it is collected only if the app asks for it with `app.add_message::<ContactStarted>()`, one for each pair;
-/// as an event it is triggered on those of the two that have [`ContactEvents`].
+/// as an event it is triggered on those of the two that have [`ContactEvents`]. Of two particles or nets either may be
+/// the [`entity`](Self::entity) of the message. A net that touches itself is both.
 #[derive(Message, EntityEvent, Reflect, Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]
@@ -46,6 +47,10 @@ pub struct ContactStarted {
 }
 
 /// Two entities do not touch any more: see [`ContactStarted`].
+///
+/// So it is, in the next tick, when one of them has been despawned, disabled or has ceased to be a particle, net or collider:
+/// the other one, if marked, gets the event, the [`other`](Self::other) of which may not exist any more; there is none on what was
+/// despawned.
 #[derive(Message, EntityEvent, Reflect, Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Debug, Clone, PartialEq)]

@@ -2,28 +2,44 @@
 
 mod build;
 mod contact;
+mod exemptions;
 mod list;
 mod motion;
+#[cfg(feature = "gizmos")]
+mod outline;
+mod place;
 mod primitives;
 mod settings;
 mod shape;
 
+use bevy::math::{DQuat, DVec2, DVec3};
 use bevy::prelude::*;
 
 use crate::parameter::{self, InvalidParameter};
 
 pub use crate::solver::CombineRule;
 pub use contact::{Contact, ContactEnded, ContactEvents, ContactStarted};
+pub use exemptions::ContactExemptions;
 pub use list::SharedList;
 pub use motion::ColliderMotion;
 pub(crate) use motion::move_colliders;
+pub(crate) use place::pose_of;
 pub use settings::CollisionSettings;
 pub use shape::{ColliderPart, ColliderShape};
 
 /// A solid that particles and nets collide with, placed by its [`Transform`].
 ///
-/// Made from any of Bevy's primitives, in two dimensions from a circle, rectangle, capsule or polygon; from a mesh, a
-/// convex hull, a height field, or several of these. The default is a half-space: the ground, y = 0.
+/// The default is a half-space: the ground, y = 0. Others are made from
+/// - Bevy's primitives `Sphere`, `Cuboid`, `Capsule3d`, `Cylinder`, `Cone` and `ConicalFrustum`, and in two dimensions
+///   `Circle`, `Rectangle`, `Capsule2d`, `Triangle2d`, `Rhombus`, `RegularPolygon`, `ConvexPolygon`, `Segment2d` and
+///   `Polyline2d`. Not from `Torus`, `Tetrahedron`, `Ellipse`, `Annulus`, `Polygon` and others: these take a mesh or a
+///   compound;
+/// - a Bevy `Mesh`: [`ColliderShape::mesh`](ColliderShape#method.mesh),
+///   [`one_sided_mesh`](ColliderShape#method.one_sided_mesh) and [`convex_hull`](ColliderShape#method.convex_hull) (feature
+///   `render`);
+/// - points, triangles or heights, or several of all these: [`ColliderShape`].
+///
+/// A half-space with its surface through a point, facing a direction: [`facing`](Self::facing).
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -39,7 +55,7 @@ pub use shape::{ColliderPart, ColliderShape};
 /// result is a shape of the same kind: any of boxes, hulls and meshes, a uniform one of spheres; others are left out of
 /// the simulation with a warning that names the entity. A half-space has no scale.
 ///
-/// Which particles it touches: [`ContactLayers`] on its entity and on theirs.
+/// Which particles it touches: [`ContactLayers`] and [`ContactExemptions`] on its entity and on theirs.
 #[derive(Component, Reflect, Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", serde(default))]
@@ -72,6 +88,28 @@ impl ParticleCollider {
     /// All that lies below the local +Y axis.
     pub fn half_space() -> Self {
         Self::default()
+    }
+
+    /// The `Transform` with which the local +Y axis, hence a [half-space](Self::half_space), faces `normal` at `point`, m.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_mass_spring::prelude::*;
+    /// # fn spawn(mut commands: Commands) {
+    /// let slope = Dir3::new(Vec3::new(-0.2, 1.0, 0.0)).expect("not zero");
+    /// commands.spawn((ParticleCollider::half_space(), ParticleCollider::facing(Vec3::ZERO, slope)));
+    /// # }
+    /// ```
+    pub fn facing(point: Vec3, normal: Dir3) -> Transform {
+        // In f64: the f32 version takes slopes under 0.04° for none.
+        let rotation = DQuat::from_rotation_arc(DVec3::Y, normal.as_dvec3().normalize());
+        Transform::from_translation(point).with_rotation(rotation.as_quat())
+    }
+
+    /// The same in two dimensions, turned about z: a half-plane. The layer, z, is 0.
+    pub fn facing_2d(point: Vec2, normal: Dir2) -> Transform {
+        let rotation = DQuat::from_rotation_arc_2d(DVec2::Y, normal.as_dvec2().normalize());
+        Transform::from_translation(point.extend(0.0)).with_rotation(rotation.as_quat())
     }
 
     /// The same with a coefficient of restitution, 0 to 1.
@@ -178,5 +216,28 @@ impl ContactLayers {
 impl Default for ContactLayers {
     fn default() -> Self {
         Self::new(u32::MAX, u32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_spaces_face_their_normals() {
+        let point = Vec3::new(1.0, 2.0, 3.0);
+        for normal in [Vec3::Y, Vec3::NEG_Y, Vec3::X, Vec3::new(1e-4, 1.0, -2e-4), Vec3::new(0.3, -0.5, 0.8)]
+        {
+            let normal = Dir3::new(normal).unwrap();
+            let place = ParticleCollider::facing(point, normal);
+            assert_eq!(place.translation, point);
+            assert!(place.up().distance(*normal) < 8.0 * f32::EPSILON, "{normal:?}: {place:?}");
+        }
+        for normal in [Vec2::Y, Vec2::NEG_Y, Vec2::X, Vec2::new(-0.6, 0.8), Vec2::new(1e-4, 1.0)] {
+            let normal = Dir2::new(normal).unwrap();
+            let place = ParticleCollider::facing_2d(Vec2::X, normal);
+            assert!(place.up().distance(normal.extend(0.0)) < 8.0 * f32::EPSILON, "{normal:?}: {place:?}");
+            assert!(place.back().distance(Vec3::Z) < 8.0 * f32::EPSILON, "it is turned about z");
+        }
     }
 }

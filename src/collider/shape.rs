@@ -89,6 +89,22 @@ pub enum ColliderShape {
 }
 
 impl ColliderShape {
+    /// The same, where it is a mesh that is not closed, with all behind its triangles solid. Other shapes stay what they are.
+    ///
+    /// ```
+    /// # use bevy::prelude::*;
+    /// # use bevy_mass_spring::prelude::*;
+    /// let hills = Polyline2d::new([Vec2::ZERO, Vec2::new(2.0, 1.0), Vec2::new(4.0, 0.0)]);
+    /// let ground = ParticleCollider::new(ColliderShape::from(hills).one_sided());
+    /// assert!(ground.validate().is_ok());
+    /// ```
+    pub fn one_sided(mut self) -> Self {
+        if let Self::Mesh { one_sided, .. } = &mut self {
+            *one_sided = true;
+        }
+        self
+    }
+
     /// A function that computes the penetration depth of a ball, m, negative outside, from its centre in the axes of the shape and its
     /// radius, m. `None` if the shape is invalid.
     pub fn depth_meter(&self) -> Option<impl Fn(DVec3, f32) -> f64 + use<>> {

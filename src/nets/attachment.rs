@@ -12,7 +12,8 @@ use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 /// - to a [`Particle`](crate::Particle) or a part of one particle, as long at rest as they are apart now, if these
 ///   take part in the simulation: both pull at each other;
 /// - to the place where the particle is now in the frame of any other entity with a `Transform`, 0 long at rest. That place
-///   moves and turns with the entity.
+///   moves and turns with the entity, which is not pushed: its own physics may take the force from
+///   [`SpringForces::reactions`](crate::SpringForces::reactions); [`Reaction`](crate::Reaction) has an example.
 ///
 /// The spring of a part of one particle is on the part itself. A part of several particles, such as an edge or a painted
 /// group, gets a child for each of them, in ascending order: the part of this particle alone, with the spring. So a seam may
@@ -70,6 +71,10 @@ impl Attachment {
         self
     }
 }
+
+/// On the pinned particle that stands for an entity which is none, to which a part is attached. It is a child of that.
+#[derive(Component, Debug, Clone, Copy, Default)]
+pub(crate) struct Anchor;
 
 /// What holds an [`Attachment`] that is in effect.
 #[derive(Component, Debug, Clone, Default)]

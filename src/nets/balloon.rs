@@ -122,6 +122,18 @@ impl Balloon {
         self
     }
 
+    /// The same balloon with a strain limit of its springs, >= 0.
+    pub fn with_max_stretch(mut self, max_stretch: f32) -> Self {
+        self.max_stretch = Some(max_stretch);
+        self
+    }
+
+    /// The same balloon with other coefficients of the air's forces.
+    pub fn with_air(mut self, air: Air) -> Self {
+        self.air = air;
+        self
+    }
+
     /// Whether it is made from the mesh of its entity.
     pub fn needs_mesh(&self) -> bool {
         self.shape == BalloonShape::Mesh

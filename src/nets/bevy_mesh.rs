@@ -17,26 +17,8 @@ impl TriangleMesh {
     /// # Errors
     /// If it is no list of triangles, or has no positions in the main world.
     pub fn from_mesh(mesh: &Mesh) -> Result<Self, NetError> {
-        let unreadable = |why: &'static str| NetError::UnreadableMesh { why };
-        if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
-            return Err(unreadable("it is not a list of triangles"));
-        }
-        let positions = mesh
-            .try_attribute_option(Mesh::ATTRIBUTE_POSITION)
-            .map_err(|_| unreadable("it is in the render world only"))?
-            .and_then(VertexAttributeValues::as_float3)
-            .ok_or(unreadable("it has no positions"))?;
-        let positions: Vec<Vec3> = positions.iter().copied().map(Vec3::from).collect();
-        let indices = mesh.try_indices_option().map_err(|_| unreadable("it is in the render world only"))?;
-        let corners: Vec<u32> = match indices {
-            Some(indices) => indices.iter().map(|index| index as u32).collect(),
-            None => (0..positions.len() as u32).collect(),
-        };
-        let (triangles, rest) = corners.as_chunks();
-        if !rest.is_empty() {
-            return Err(unreadable("the number of its indices is no multiple of three"));
-        }
-        let mut found = Self::new(positions, triangles.to_vec());
+        let (positions, triangles) = read_triangles(mesh)?;
+        let mut found = Self::new(positions, triangles);
         found.colours = colours(mesh);
         found.paint_by_colours();
         if let Ok(Some(VertexAttributeValues::Float32(weights))) = mesh.try_attribute_option(ATTRIBUTE_PIN) {
@@ -49,6 +31,44 @@ impl TriangleMesh {
         }
         Ok(found)
     }
+}
+
+fn unreadable(why: &'static str) -> NetError {
+    NetError::UnreadableMesh { why }
+}
+
+/// The positions of the vertices of a mesh, m.
+///
+/// # Errors
+/// If it has none in the main world.
+pub(super) fn read_positions(mesh: &Mesh) -> Result<Vec<Vec3>, NetError> {
+    let positions = mesh
+        .try_attribute_option(Mesh::ATTRIBUTE_POSITION)
+        .map_err(|_| unreadable("it is in the render world only"))?
+        .and_then(VertexAttributeValues::as_float3)
+        .ok_or(unreadable("it has no positions"))?;
+    Ok(positions.iter().copied().map(Vec3::from).collect())
+}
+
+/// The positions of the vertices of a mesh, m, and the vertices of its triangles.
+///
+/// # Errors
+/// If it is no list of triangles, or has no positions in the main world.
+pub(super) fn read_triangles(mesh: &Mesh) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), NetError> {
+    if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
+        return Err(unreadable("it is not a list of triangles"));
+    }
+    let positions = read_positions(mesh)?;
+    let indices = mesh.try_indices_option().map_err(|_| unreadable("it is in the render world only"))?;
+    let corners: Vec<u32> = match indices {
+        Some(indices) => indices.iter().map(|index| index as u32).collect(),
+        None => (0..positions.len() as u32).collect(),
+    };
+    let (triangles, rest) = corners.as_chunks();
+    if !rest.is_empty() {
+        return Err(unreadable("the number of its indices is no multiple of three"));
+    }
+    Ok((positions, triangles.to_vec()))
 }
 
 /// The vertex colours of a mesh in the formats that Bevy's loaders make; empty if it has none.

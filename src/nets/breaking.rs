@@ -15,6 +15,9 @@ use crate::solver::Spring;
 /// new ones get the next (see [`tear`](crate::nets::tear)). The net publishes [`Broke`](crate::Broke). Of
 /// connected springs the one that is most overloaded breaks in a substep, and all that carry twice their breaking force.
 ///
+/// Of a jelly the springs go, one by one, and nothing is split: it crumbles into pieces of whole particles, down to single
+/// ones. Its surface, which is drawn and in the air, keeps its triangles: it does not tear, and is drawn out between pieces.
+///
 /// Changed values act from the next tick on. Bad ones are named in the log once, and nothing is changed then.
 ///
 /// ```
@@ -51,7 +54,7 @@ impl Breaking {
 
     /// Gives the springs of a net their breaking forces: of the two the lower one.
     pub fn give_to(&self, topology: &mut Topology) {
-        let tears = !topology.triangles.is_empty();
+        let tears = !topology.triangles.is_empty() && !topology.is_solid();
         for (_, spring) in &mut topology.springs {
             spring.breaking_force = self.limit(spring);
             spring.tears = tears && spring.breaking_force.is_some();
@@ -61,6 +64,8 @@ impl Breaking {
     /// The tension that a spring bears, N.
     pub(super) fn limit(&self, spring: &Spring) -> Option<f32> {
         let of_strain = self.strain.map(|strain| spring.stiffness * spring.rest_length * strain);
+        // Beyond the numbers of single precision nothing breaks.
+        let of_strain = of_strain.filter(|force| force.is_finite());
         [of_strain, self.force].into_iter().flatten().reduce(f32::min)
     }
 }

@@ -152,6 +152,24 @@ impl Cloth {
         self
     }
 
+    /// The same cloth with a strain limit of its springs, >= 0.
+    pub fn with_max_stretch(mut self, max_stretch: f32) -> Self {
+        self.max_stretch = Some(max_stretch);
+        self
+    }
+
+    /// The same cloth, its particles colliding with each other or not.
+    pub fn with_self_collision(mut self, self_collision: bool) -> Self {
+        self.self_collision = self_collision;
+        self
+    }
+
+    /// The same cloth with other coefficients of the air's forces.
+    pub fn with_air(mut self, air: Air) -> Self {
+        self.air = air;
+        self
+    }
+
     /// Whether it is made from the mesh of its entity.
     pub fn needs_mesh(&self) -> bool {
         self.shape == ClothShape::Mesh

@@ -134,6 +134,18 @@ impl Jelly {
         self
     }
 
+    /// The same jelly with a strain limit of its springs, >= 0.
+    pub fn with_max_stretch(mut self, max_stretch: f32) -> Self {
+        self.max_stretch = Some(max_stretch);
+        self
+    }
+
+    /// The same jelly with other coefficients of the air's forces.
+    pub fn with_air(mut self, air: Air) -> Self {
+        self.air = air;
+        self
+    }
+
     /// Whether it is made from the mesh of its entity.
     pub fn needs_mesh(&self) -> bool {
         self.shape == JellyShape::Mesh

@@ -10,6 +10,7 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::transform::helper::TransformHelper;
 
+use super::missing_mesh::{MissingMeshes, any_missing, warn_of_missing_meshes};
 use super::{
     Balloon, BalloonShape, Cloth, ClothShape, Jelly, JellyShape, NetError, ParticleNet, Rope, Topology,
     TriangleMesh,
@@ -19,7 +20,7 @@ use crate::schedule::MassSpringSystems;
 /// The triangles of the mesh from which the recipe on the same entity is made.
 ///
 /// The feature `render` inserts it where there is a `Mesh3d`; without that feature, the game does. A recipe from a mesh
-/// waits for it. Insert it again to lay the net out anew.
+/// waits for it; one that has no mesh to wait for is named in the log. Insert it again to lay the net out anew.
 #[derive(Component, Debug, Clone)]
 pub struct RecipeMesh(pub Arc<TriangleMesh>);
 
@@ -158,12 +159,14 @@ struct PendingRecipes(Vec<Entity>);
 pub(crate) fn build(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
     app.init_resource::<Topologies>()
         .init_resource::<PendingRecipes>()
+        .init_resource::<MissingMeshes>()
         .add_observer(note_inserted::<Rope>)
         .add_observer(note_inserted::<Cloth>)
         .add_observer(note_inserted::<Jelly>)
         .add_observer(note_inserted::<Balloon>)
         .add_observer(note_inserted::<RecipeMesh>)
         .add_systems(PostStartup, lay_out_nets.run_if(any_pending))
+        .add_systems(Last, warn_of_missing_meshes.run_if(any_missing))
         .add_systems(PostUpdate, lay_out_nets.run_if(any_pending))
         .add_systems(schedule, lay_out_nets.run_if(any_pending).before(MassSpringSystems::Gather));
     note_existing::<Rope>(app.world_mut());
@@ -190,6 +193,7 @@ fn any_pending(pending: Res<PendingRecipes>) -> bool {
 #[derive(SystemParam)]
 struct Layouts<'w, 's> {
     topologies: ResMut<'w, Topologies>,
+    missing: ResMut<'w, MissingMeshes>,
     helper: TransformHelper<'w, 's>,
     transforms: Query<'w, 's, &'static Transform>,
     meshes: Query<'w, 's, &'static RecipeMesh>,
@@ -231,6 +235,7 @@ impl Layouts<'_, '_> {
         let mesh = self.meshes.get(entity).ok().map(|mesh| &mesh.0);
         if recipe.needs_mesh() && mesh.is_none() {
             // It comes when it is loaded.
+            self.missing.note(entity, R::NAME);
             return;
         }
         let topology = match self.topologies.get(recipe, mesh) {

@@ -2,6 +2,8 @@
 //!
 //! A recipe becomes a [`Topology`], a pure value; [`ParticleNet`] is the
 //! state of one net that is laid out by it.
+//!
+#![doc = include_str!("../../docs/nets.md")]
 
 mod attachment;
 mod balloon;
@@ -10,6 +12,7 @@ mod bevy_mesh;
 mod breaking;
 mod cloth;
 mod error;
+mod haul;
 mod icosphere;
 mod inside;
 mod jelly;
@@ -19,6 +22,9 @@ mod material;
 mod material_change;
 mod measures;
 mod membrane;
+#[cfg(feature = "render")]
+mod mesh_colliders;
+mod missing_mesh;
 mod moduli;
 mod net;
 mod part;
@@ -42,7 +48,7 @@ mod yielding;
 use crate::parameter::{self, InvalidParameter};
 
 pub use attachment::Attachment;
-pub(crate) use attachment::Tied;
+pub(crate) use attachment::{Anchor, Tied};
 pub use balloon::{Balloon, BalloonShape};
 #[cfg(feature = "render")]
 pub use bevy_mesh::ATTRIBUTE_PIN;
@@ -60,6 +66,7 @@ pub use part::{Part, PartOf, PartState, Parts};
 pub use places::{Corner, Side};
 pub(crate) use pose::NetPose;
 pub use queries::NetHit;
+pub(crate) use queries::{NetBody, NetFeature};
 pub use rope::Rope;
 pub use spool::Spool;
 pub use tear::{Rupture, Split, Tear, pieces, tear};

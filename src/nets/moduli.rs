@@ -69,7 +69,7 @@ enum Tiling {
 }
 
 /// Edges keep at least this part of the stiffness along their axis.
-const LEAST_OF_EDGES: f64 = 0.02;
+const MIN_EDGE_SHARE: f64 = 0.02;
 
 impl Cells {
     fn has(&self, axis: usize) -> bool {
@@ -206,7 +206,7 @@ impl Moduli {
             plane.shear * (share * short + (1.0 - share) * long)
         };
         let planes = self.planes.iter().filter(|plane| plane.axes.contains(&axis));
-        planes.map(of_plane).sum::<f64>() <= (1.0 - LEAST_OF_EDGES) * self.axial[axis]
+        planes.map(of_plane).sum::<f64>() <= (1.0 - MIN_EDGE_SHARE) * self.axial[axis]
     }
 
     /// C₁₁, C₂₂, C₃₃ of which 1 / S₁₁ = 1 / S₂₂ = 1 / S₃₃ = `free`: a fixed point of

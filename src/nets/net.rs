@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bevy::prelude::*;
 
+use super::haul::Haul;
 use super::version::Versions;
 use super::{Breaking, Spool, Topology, Yielding};
 
@@ -49,6 +50,9 @@ pub struct ParticleNet {
     pub(super) yielding: Yielding,
     /// What is known of the rope on a winch.
     pub(super) spool: Option<Box<Spool>>,
+    /// What its winch pulls at, if that has a greatest force.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub(super) haul: Option<Haul>,
 }
 
 /// What the parts of a net do to it in a tick; found anew in each.
@@ -111,7 +115,8 @@ impl ParticleNet {
         self.broken.retain(|spring| (*spring as usize) < topology.springs.len());
         self.parts = PartActions::default();
         self.tensions.clear();
-        (self.breaking, self.yielding, self.spool) = (Breaking::default(), Yielding::default(), None);
+        (self.breaking, self.yielding) = (Breaking::default(), Yielding::default());
+        (self.spool, self.haul) = (None, None);
         self.topology = topology;
         self.versions.touch_structure();
     }

@@ -40,7 +40,7 @@ use crate::particle::ParticleVelocity;
 ///     }
 /// }
 /// ```
-#[derive(Component, VariantDefaults, Reflect, Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Component, VariantDefaults, Reflect, Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
@@ -64,6 +64,9 @@ pub enum Part {
     Corner(Corner),
     /// A group of particles that an artist painted or a closure chose, by its name.
     Painted(String),
+    /// The particles that at rest are nearest to these points in the frame of the recipe, m: of each point the first one of
+    /// those equally near.
+    Nearest(Vec<Vec3>),
 }
 
 #[cfg(feature = "serialize")]
@@ -82,6 +85,7 @@ impl Part {
             Self::Edge(side) => topology.edge(*side)?,
             Self::Corner(corner) => vec![topology.corner(*corner)?],
             Self::Painted(name) => topology.painted(name)?.to_vec(),
+            Self::Nearest(points) => points.iter().filter_map(|point| topology.nearest(*point)).collect(),
         };
         found.sort_unstable();
         found.dedup();
@@ -100,6 +104,7 @@ impl fmt::Display for Part {
             Self::Edge(side) => write!(formatter, "edge {side:?}"),
             Self::Corner(corner) => write!(formatter, "corner {corner:?}"),
             Self::Painted(name) => write!(formatter, "painted group \"{name}\""),
+            Self::Nearest(points) => write!(formatter, "particle nearest to {points:?}"),
         }
     }
 }

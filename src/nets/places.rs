@@ -135,7 +135,7 @@ impl Topology {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Cloth, Rope};
+    use super::super::{Cloth, Part, Rope};
     use super::*;
 
     #[test]
@@ -149,6 +149,10 @@ mod tests {
         let corners = [Corner::BottomLeft, Corner::BottomRight, Corner::TopLeft, Corner::TopRight];
         assert_eq!(corners.map(|corner| net.corner(corner)), [Some(0), Some(3), Some(8), Some(11)]);
         assert_eq!(net.nearest(Vec3::new(1.2, 0.9, 5.0)), Some(5));
+        let nearest =
+            Part::Nearest(vec![Vec3::new(9.0, 9.0, 0.0), Vec3::new(1.2, 0.9, 5.0), Vec3::splat(8.0)]);
+        assert_eq!(nearest.particles(&net), Some(vec![5, 11]));
+        assert_eq!(Part::Nearest(Vec::new()).particles(&net), None);
         assert_eq!((net.start(), net.end()), (None, None));
         net.paint("HIGH", |_, place| place.y > 1.5);
         assert_eq!(net.painted("HIGH"), Some(&[8, 9, 10, 11][..]));

@@ -154,6 +154,24 @@ impl Rope {
         self
     }
 
+    /// The same rope with a strain limit of its segments, >= 0.
+    pub fn with_max_stretch(mut self, max_stretch: f32) -> Self {
+        self.max_stretch = Some(max_stretch);
+        self
+    }
+
+    /// The same rope with segments that only pull.
+    pub fn with_tension_only(mut self) -> Self {
+        self.tension_only = true;
+        self
+    }
+
+    /// The same rope with other coefficients of the air's forces.
+    pub fn with_air(mut self, air: Air) -> Self {
+        self.air = air;
+        self
+    }
+
     /// Checks all numbers but the path.
     ///
     /// # Errors

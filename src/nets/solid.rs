@@ -21,7 +21,7 @@ pub(super) struct Solid {
 }
 
 /// Cells of which less is inside count as if this were: what hangs from their corners can be pulled.
-const LEAST_FILLED: f32 = 0.1;
+const MIN_FILLED: f32 = 0.1;
 
 const CORNERS: [[u32; 3]; 8] =
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
@@ -36,7 +36,7 @@ impl Solid {
 
     /// The cells of which a part is filled.
     pub fn voxels(voxels: Voxels) -> Self {
-        let of_cell = |part: &f32| if *part > 0.0 { part.max(LEAST_FILLED) } else { 0.0 };
+        let of_cell = |part: &f32| if *part > 0.0 { part.max(MIN_FILLED) } else { 0.0 };
         let filled = voxels.filled.iter().map(of_cell).collect();
         Self::new(voxels.origin, DVec3::splat(voxels.size), voxels.counts, filled)
     }
@@ -128,7 +128,7 @@ impl Solid {
             masses: masses.iter().map(|mass| (mass * scale) as f32).collect(),
             springs: self.voxel_springs(material, &positions, weave),
             triangles: self.surface(),
-            layout: Layout::Free,
+            layout: Layout::Cells,
             positions,
             ..Topology::default()
         }

@@ -136,6 +136,17 @@ impl Spool {
         (self.links[self.wound].number, [self.chain[self.wound], self.chain[self.wound + 1]])
     }
 
+    /// The links outside from the winch on, each with the particles at its inner and its outer end.
+    pub(super) fn outside(&self) -> impl Iterator<Item = (u32, [u32; 2])> {
+        let ends = self.chain[self.wound..].windows(2).map(|pair| [pair[0], pair[1]]);
+        self.links[self.wound..].iter().map(|link| link.number).zip(ends)
+    }
+
+    /// The mass of a metre of rope, kg.
+    pub(super) fn linear_density(&self) -> f64 {
+        self.linear_density
+    }
+
     /// Pays out `by` metres of rope; takes them in if it is negative. To be called once a tick of `time_step` s, before it.
     ///
     /// It changes the parameters of links, bends and masses in the topology. Elements are to go to their new

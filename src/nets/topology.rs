@@ -42,6 +42,11 @@ pub struct Topology {
 }
 
 impl Topology {
+    /// Whether it is a solid: cells with springs across them, of which the triangles are only the outside.
+    pub fn is_solid(&self) -> bool {
+        matches!(self.layout, Layout::Lattice { .. } | Layout::Cells)
+    }
+
     /// The same, if it is [valid](Self::validate).
     pub(super) fn checked(self) -> Result<Self, NetError> {
         self.validate()?;
@@ -72,6 +77,8 @@ pub enum Layout {
         /// The number of cells along each axis.
         cells: [u32; 3],
     },
+    /// Some cells of a box, as where it fills a mesh: no known numbering.
+    Cells,
 }
 
 /// The aerodynamic coefficients of a net.

@@ -82,7 +82,7 @@ impl Topology {
         if !self.positions.iter().copied().map(Vec3::element_sum).sum::<f32>().is_finite() {
             check_all("positions", &self.positions, |position| parameter::finite("position", *position))?;
         }
-        check_all("masses", &self.masses, |mass| parameter::positive("mass", *mass))?;
+        check_all("masses", &self.masses, |mass| parameter::mass("mass", *mass))?;
         // Nearly all are good: one pass over what is in memory; what is wrong with one is found out after.
         if !self.springs.iter().all(|(ends, spring)| is_plain(spring) && are_two(ends, count)) {
             check_all("springs", &self.springs, |(_, spring)| check_spring(spring))?;

@@ -67,6 +67,20 @@ impl TriangleMesh {
         Ok(Welded { positions, particle_of, triangles, vertex_of })
     }
 
+    /// The positions and triangles with one vertex in each place, without the triangles that have no three different places:
+    /// the seams of a texture and the poles of a sphere are closed.
+    ///
+    /// # Errors
+    /// If there is no triangle, or a vertex is not finite or missing.
+    #[cfg(feature = "render")]
+    pub(super) fn closed_seams(&self) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), NetError> {
+        self.check()?;
+        let (vertex_of, place_of) = representatives(&self.positions, TOLERANCE * extent(&self.positions));
+        let positions = vertex_of.iter().map(|vertex| self.positions[*vertex as usize]).collect();
+        let triangles = self.triangles.iter().map(|corners| corners.map(|vertex| place_of[vertex as usize]));
+        Ok((positions, triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect()))
+    }
+
     fn check(&self) -> Result<(), NetError> {
         let count = self.positions.len() as u32;
         if self.triangles.is_empty() {

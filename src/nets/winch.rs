@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use bevy::prelude::*;
 
+use super::haul::{Load, Outside};
 use super::{ParticleNet, Spool};
 use crate::parameter::{self, InvalidParameter};
+use crate::solver::Spring;
 
 /// Number of links that are added at a time: each addition has the net laid out anew in the solver.
 const ADDED_LINKS: usize = 16;
-
-/// Below its greatest force by this part of it, a winch begins to turn more slowly.
-const DROOP: f32 = 0.1;
 
 /// On the pinned [`Part::Start`](crate::nets::Part::Start) of a rope: pays the rope out there, or takes it in.
 ///
@@ -35,8 +34,11 @@ const DROOP: f32 = 0.1;
 pub struct Winch {
     /// The rate of the rest length of the rope outside, m/s, finite: positive pays out, negative takes in. Default 0.
     pub speed: f32,
-    /// The tension of the rope at which the winch stalls while it takes in, N, finite and > 0; it turns more slowly in the
-    /// last tenth. Default `None`: it never stalls.
+    /// The tension of the rope to which the winch pulls while it takes in, N, finite and > 0, however stiff the rope: in
+    /// each tick it turns as far as the speed says, or so far that the tension at the winch reaches this by the end of it. A
+    /// load that weighs less is lifted at the full speed, once what force is left has made it that fast; one that weighs more
+    /// is held: a stalled winch pays nothing out. What a load that stops within a tick has it take in too much, it pays out
+    /// again in the next ones. Default `None`: it pulls with any force.
     pub max_force: Option<f32>,
     /// Taking in ends at this rest length, m, finite and >= 0, and at half a link in any case. Default 0.
     pub min_length: f32,
@@ -63,16 +65,14 @@ impl Winch {
         max_length.map_or(Ok(()), |length| parameter::non_negative("max_length", length))
     }
 
-    /// How far it turns in a tick of `time_step` s, m, with a rope of this rest length and tension, N.
-    fn turn(&self, time_step: f64, length: f64, tension: f32) -> f64 {
+    /// How far it turns in a tick of `time_step` s if nothing stalls it, m, with a rope of this rest length.
+    fn turn(&self, time_step: f64, length: f64) -> f64 {
         let by = f64::from(self.speed) * time_step;
         if by > 0.0 {
             let left = self.max_length.map_or(f64::INFINITY, |max_length| f64::from(max_length) - length);
             return by.min(left.max(0.0));
         }
-        let force = self.max_force.map_or(1.0, |max_force| (max_force - tension) / (DROOP * max_force));
-        let left = (length - f64::from(self.min_length)).max(0.0);
-        (by * f64::from(force.clamp(0.0, 1.0))).max(-left)
+        by.max(f64::from(self.min_length).min(length) - length)
     }
 }
 
@@ -86,14 +86,15 @@ impl ParticleNet {
                 None => return false,
             },
         };
-        let (number, ends) = spool.first_link();
-        let [inner, outer] = ends.map(|end| end as usize);
-        let spring = self.topology.springs[number as usize].1;
-        let elongation = self.positions[inner].distance(self.positions[outer]) - spring.length_at_rest();
-        let by = winch.turn(time_step, spool.length(), spring.stiffness * elongation);
+        let mut by = winch.turn(time_step, spool.length());
+        match winch.max_force {
+            Some(max_force) => by = self.stall(by, max_force.into(), time_step, &spool),
+            None => self.haul = None,
+        }
         self.versions.touch_parameters();
         let topology = Arc::make_mut(&mut self.topology);
-        if by > 0.0 && spool.held().len() == 1 {
+        // What is paid out after it was taken in is there already.
+        if by > 0.0 && winch.speed > 0.0 && spool.held().len() == 1 {
             self.versions.touch_structure();
             spool.extend(ADDED_LINKS, topology, &mut self.positions, &mut self.velocities);
             if !self.applied_forces.is_empty() {
@@ -106,6 +107,100 @@ impl ParticleNet {
         self.parts.held.dedup();
         self.spool = Some(spool);
         true
+    }
+
+    /// How far a winch turns that would turn `by` metres, with a greatest force, N.
+    fn stall(&mut self, by: f64, max_force: f64, time_step: f64, spool: &Spool) -> f64 {
+        let mut haul = self.haul.unwrap_or_default();
+        let pulled = self.pulled_links(spool).last().filter(|_| by < 0.0);
+        let turn = if let Some((_, [_, end])) = pulled {
+            // What hangs on another end now, or on a winch that is new, is found at rest.
+            let is_same = |load: &Load| (load.end, load.is_held) == (end, self.is_pinned(end));
+            let load = haul.load.filter(is_same).or_else(|| self.load(spool, true));
+            let load = load.unwrap_or_default();
+            -haul.take_in(-by, max_force, time_step, (load, self.rope_outside(spool, time_step)))
+        } else {
+            haul.release();
+            by
+        };
+        self.haul = Some(haul);
+        turn
+    }
+
+    /// After a tick: notes what its winch pulls at.
+    pub(crate) fn note_load(&mut self) {
+        let (Some(mut haul), Some(spool)) = (self.haul, &self.spool) else { return };
+        haul.note(self.load(spool, false));
+        self.haul = Some(haul);
+    }
+
+    /// The links from the winch to the next particle that is held, or to where the rope is broken, with their ends; the
+    /// inner one first.
+    fn pulled_links(&self, spool: &Spool) -> impl Iterator<Item = (Spring, [u32; 2])> {
+        let links = spool.outside().map(|(number, ends)| (self.topology.springs[number as usize].1, ends));
+        let mut is_over = false;
+        links.take_while(move |(spring, ends)| {
+            spring.stiffness > 0.0 && !std::mem::replace(&mut is_over, self.is_pinned(ends[1]))
+        })
+    }
+
+    /// What a winch pulls at. The tension at it is that of the first link, or that of the whole rope if it is greater.
+    /// `is_still`: what is held is not moving, wherever it was put.
+    fn load(&self, spool: &Spool, is_still: bool) -> Option<Load> {
+        let winch = spool.held()[0];
+        let velocity = |particle: u32| match is_still && self.is_pinned(particle) {
+            true => Vec3::ZERO,
+            false => self.velocities[particle as usize],
+        };
+        let (mut load, mut first) = (Load::default(), None);
+        let (mut elongation, mut compliance) = (0.0, 0.0);
+        for (spring, [inner, outer]) in self.pulled_links(spool) {
+            let place = |particle: u32| self.positions[particle as usize].as_dvec3();
+            let along = place(outer) - place(inner);
+            let beyond = along.length() - f64::from(spring.length_at_rest());
+            // What is held at the winch moves as rope comes and goes.
+            let inner = if first.is_some() { inner } else { winch };
+            let rate = (velocity(inner) - velocity(outer)).as_dvec3().dot(along.normalize_or_zero());
+            first.get_or_insert((beyond * f64::from(spring.stiffness), rate));
+            elongation += beyond;
+            compliance += 1.0 / f64::from(spring.stiffness);
+            load.way += along.length();
+            load.approach += rate;
+            (load.end, load.is_held) = (outer, self.is_pinned(outer));
+        }
+        let (tension, inflow) = first?;
+        let [winch, end] = [winch, load.end].map(|end| (self.positions[end as usize], velocity(end)));
+        let straight = (end.0 - winch.0).as_dvec3().normalize_or_zero();
+        load.closing = (winch.1 - end.1).as_dvec3().dot(straight);
+        load.mean = elongation / compliance;
+        (load.tension, load.inflow) = (tension.max(load.mean).max(0.0), inflow);
+        Some(load)
+    }
+
+    /// What the rope outside of a winch is like in a tick of `time_step` s. Its end counts as a wall, a mass on the way m as
+    /// the spring m / h² to one.
+    fn rope_outside(&self, spool: &Spool, time_step: f64) -> Outside {
+        let (mut compliance, mut damped, mut opposed, mut rest_length) = (0.0, 0.0, 0.0_f64, 0.0);
+        let (mut first, mut last) = (None, spool.held()[0]);
+        for (spring, [_, outer]) in self.pulled_links(spool) {
+            let stiffness = f64::from(spring.stiffness);
+            compliance += 1.0 / stiffness;
+            damped += 1.0 / (stiffness + f64::from(spring.damping) / time_step);
+            let mass = f64::from(self.topology.masses[outer as usize]);
+            opposed = opposed.max(1.0 / (damped + time_step * time_step / mass));
+            rest_length += f64::from(spring.length_at_rest());
+            first.get_or_insert(stiffness * f64::from(spring.rest_length));
+            last = outer;
+        }
+        let [winch, end] =
+            [spool.held()[0], last].map(|particle| self.positions[particle as usize].as_dvec3());
+        Outside {
+            stiffness: 1.0 / compliance,
+            opposed: opposed.max(1.0 / damped),
+            stretch_stiffness: first.unwrap_or_default(),
+            linear_density: spool.linear_density(),
+            excess: rest_length - winch.distance(end),
+        }
     }
 
     /// The rest length of the rope outside of its winch, m; `None` without one.

@@ -190,8 +190,8 @@ pub(super) fn draw_gizmos(mut ui: InMut<Ui>, mut store: ResMut<GizmoConfigStore>
     use crate::gizmos::MassSpringGizmos;
 
     let Some((_, gizmos)) = store.get_config::<MassSpringGizmos>() else { return };
-    let MassSpringGizmos { particles, springs, planes, contacts, contact_scale, .. } = *gizmos;
-    let mut edited = (particles, springs, planes, contacts, contact_scale);
+    let MassSpringGizmos { particles, springs, colliders, contacts, contact_scale, .. } = *gizmos;
+    let mut edited = (particles, springs, colliders, contacts, contact_scale);
     ui.horizontal(|ui| {
         ui.checkbox(&mut edited.0, "particles");
         ui.checkbox(&mut edited.1, "springs");
@@ -201,8 +201,8 @@ pub(super) fn draw_gizmos(mut ui: InMut<Ui>, mut store: ResMut<GizmoConfigStore>
     ui.add_enabled_ui(edited.3, |ui| {
         parameter(ui, "impulses", "m/(N·s)", &mut edited.4, 0.0..=1e3, Scale::Logarithmic(0.01));
     });
-    if edited != (particles, springs, planes, contacts, contact_scale) {
+    if edited != (particles, springs, colliders, contacts, contact_scale) {
         let (_, gizmos) = store.config_mut::<MassSpringGizmos>();
-        (gizmos.particles, gizmos.springs, gizmos.planes, gizmos.contacts, gizmos.contact_scale) = edited;
+        (gizmos.particles, gizmos.springs, gizmos.colliders, gizmos.contacts, gizmos.contact_scale) = edited;
     }
 }

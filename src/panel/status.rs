@@ -54,7 +54,7 @@ pub(super) fn draw_cost(
     nets: Query<&ParticleNet>,
 ) {
     ui.separator();
-    // They are counted here, as the report knows them only once a tick has run.
+    // They are counted here, as the report has them only once a tick has run.
     let in_nets = nets.iter().map(|net| net.len() - net.quarantined().len()).sum::<usize>();
     let springs_in_nets =
         nets.iter().map(|net| net.topology().springs.len() - net.broken().len()).sum::<usize>();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use bevy::ecs::entity::EntityCloner;
+use bevy::ecs::entity::{EntityCloner, MapEntities};
 use bevy::math::{Mat3A, Quat, Vec3, Vec3A};
 use bevy::prelude::*;
 
@@ -18,7 +18,7 @@ use crate::nets::ParticleNet;
 /// The copies are children of the net, with all components and descendants of the template. The y axis of each lies
 /// along its link, its origin in the middle. The template is drawn as well, where it is; hide it by
 /// `Visibility::Hidden`, which its copies do not inherit. A link that breaks is despawned.
-#[derive(Component, FromTemplate, Debug, Clone, Copy, PartialEq, Reflect)]
+#[derive(Component, FromTemplate, MapEntities, Debug, Clone, Copy, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

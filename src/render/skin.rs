@@ -1,6 +1,7 @@
 //! A fine mesh that a coarse net of another entity moves.
 
 use bevy::asset::RenderAssetUsages;
+use bevy::ecs::entity::MapEntities;
 use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 
@@ -20,7 +21,7 @@ use crate::nets::{ParticleNet, Topology};
 /// drawn itself.
 ///
 /// A skin does not tear.
-#[derive(Component, FromTemplate, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
+#[derive(Component, FromTemplate, MapEntities, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]

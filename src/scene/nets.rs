@@ -9,6 +9,7 @@ use crate::parameter::{self, InvalidParameter};
 /// One net. Its particles come after those of the scene's list and of the nets before it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Net", deny_unknown_fields)]
+#[non_exhaustive]
 pub enum SceneNet {
     /// A rope from `from` to `to`, particles 0 to `segments` in this order.
     Rope {
@@ -173,6 +174,16 @@ fn optional(field: &'static str, value: Option<f32>) -> Result<(), InvalidParame
 }
 
 impl SceneNet {
+    /// Which kind of net it is, in lower case: `rope`, `cloth`, `jelly` or `balloon`.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Rope { .. } => "rope",
+            Self::Cloth { .. } => "cloth",
+            Self::Jelly { .. } => "jelly",
+            Self::Balloon { .. } => "balloon",
+        }
+    }
+
     /// The number of its particles.
     pub fn particle_count(&self) -> usize {
         match *self {

@@ -17,7 +17,7 @@ const CHUNK: usize = 1024;
 /// Number of faces and filaments from which on they are shared among all threads.
 const MIN_SHARED: usize = 8192;
 
-/// What a tick knows of the air; a cache.
+/// The air of a tick; a cache.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Air {
     /// Whether there is air, and anything that it acts on.

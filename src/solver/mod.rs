@@ -32,9 +32,9 @@
 //! tick. All but the state are caches.
 
 mod air;
+mod api;
 mod buckets;
 mod collision;
-mod door;
 mod elements;
 mod energy;
 mod failures;
@@ -54,12 +54,14 @@ mod state;
 mod step;
 mod strain_limit;
 mod surfaces;
+mod validation;
 
+pub use api::{Solver, SolverError};
 pub use collision::{
-    Collider, CombineRule, ContactPartner, ContactRecord, Layers, Material, MeshError, MeshKind, Pose, Shape,
-    Skin,
+    Collider, CombineRule, ContactPartner, ContactProperties, ContactRecord, Exemptions, Layers, Material,
+    MeshError, MeshKind, Pose, Shape,
 };
-pub use door::{Solver, SolverError};
+pub(crate) use collision::{Crossing, Nearest, PlacedShape, Simplex};
 pub use elements::{Bend, Face, Filament, Gas, GasReading, Plasticity, Spring, enclosed_volume};
 pub use energy::Measurements;
 pub(crate) use energy::measure;

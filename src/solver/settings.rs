@@ -47,8 +47,8 @@ pub enum Integrator {
     /// step. Slow motions of stiff nets keep their energy, what it does not resolve is dissipated. While particles
     /// of an island touch something, the island takes a step of backward Euler instead.
     TrBdf2,
-    /// Extended position-based dynamics: each substep is one iteration over the springs. First order; stable for
-    /// every stiffness, mass ratio and time step, but long stiff nets stretch unless substeps are many.
+    /// Extended position-based dynamics: each substep is one iteration over the springs. First order; stays finite,
+    /// but stiff nets stretch and gain elastic energy unless substeps are many. [`Auto`](Self::Auto) never takes it.
     Xpbd,
 }
 
@@ -82,7 +82,7 @@ impl Integrator {
     /// How far, in substeps, the scheme's velocity lags behind its position.
     ///
     /// Under a constant acceleration, the Euler schemes place positions as if the velocity at the time
-    /// of the position were v + lag · h a: they are leapfrogs whose velocities live half a substep
+    /// of the position were v + lag · h a: they are leapfrogs with velocities of half a substep
     /// earlier (semi-implicit, implicit and position-based) or later (explicit). Impacts at exact speeds need
     /// this.
     pub(super) fn velocity_lag(self) -> f32 {

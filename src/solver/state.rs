@@ -63,7 +63,7 @@ pub struct State {
     pub(super) elements: Elements,
     pub(super) contacts: ContactMemory,
     pub(super) pulls: Pulls,
-    /// The breaks whose release is still on its way.
+    /// The releases of broken springs that still go on.
     pub(super) releases: Vec<Release>,
     /// What the air blows at.
     pub(super) exposed: Exposed,
@@ -150,7 +150,7 @@ impl State {
     }
 
     /// Empties the slot of a particle. Its springs are to be removed, too; faces and filaments there leave with it, and a
-    /// gas whose surface it was a part of escapes.
+    /// gas escapes if the particle was a part of its surface.
     pub(crate) fn remove_particle(&mut self, slot: usize) {
         self.sleep.vanish(slot, &self.particles);
         self.particles.vacate(slot);

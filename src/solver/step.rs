@@ -8,14 +8,14 @@ mod stops;
 mod substep;
 
 use crate::solver::air::Air;
-use crate::solver::collision::{Collider, ContactCaches, NearIslands, Skin, Surfaces};
+use crate::solver::collision::{Collider, ContactCaches, ContactProperties, NearIslands, Surfaces};
 use crate::solver::elements::Balance;
 use crate::solver::failures::Failures;
 use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring, IslandSet, Neighbours, Nets, better_order, part_coincident};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{PinnedMotion, PinnedMotions, Vectors};
-use crate::solver::schemes::{self, Course, ImplicitEuler, Interleaved, Scratch};
+use crate::solver::schemes::{self, ImplicitEuler, Interleaved, Scratch, StepEndpoints};
 use crate::solver::settings::{Integrator, StepSettings};
 use crate::solver::sleep::{SleepCaches, Sleepers, Surroundings as Around};
 use crate::solver::stability::{FrequencyBounds, Plan, Planner};
@@ -30,8 +30,8 @@ pub struct Inputs {
     pub pinned: Vec<PinnedMotion>,
     /// The colliders.
     pub colliders: Vec<Collider>,
-    /// The surfaces of particles by slot; of those beyond its end as of any.
-    pub skins: Vec<Skin>,
+    /// How particles touch others, by slot; those beyond its end have the default properties.
+    pub contact_properties: Vec<ContactProperties>,
 }
 
 /// All that is derived from the state, and working memory. New ones give the same results.
@@ -46,7 +46,7 @@ pub(crate) struct Caches {
     blocks: Blocks,
     colouring: Colouring,
     implicit_euler: ImplicitEuler,
-    course: Course,
+    endpoints: StepEndpoints,
     /// Working memory: whether the particle in each slot was stopped.
     stopped: Vec<bool>,
     air: Air,
@@ -78,8 +78,8 @@ pub(crate) fn step(
 ) {
     state.elements.settle(state.particles.own_inverse_mass());
     state.elements.begin_ramps();
-    let Inputs { pinned: motions, colliders, skins } = inputs;
-    let around = Around { motions, colliders, skins };
+    let Inputs { pinned: motions, colliders, contact_properties: properties } = inputs;
+    let around = Around { motions, colliders, properties };
     caches.sleep.begin_tick(sleepers(state), around, settings);
     let plan = caches.plan(state, settings);
     if caches.sleep.is_all(&state.sleep) {
@@ -88,8 +88,8 @@ pub(crate) fn step(
         return;
     }
     let nets = (&state.mesh, &state.elements, &state.particles);
-    caches.surfaces.begin_tick(&mut state.contacts, nets, (settings, skins));
-    let plan = caches.plan_touching(state, settings, skins, plan);
+    caches.surfaces.begin_tick(&mut state.contacts, nets, (settings, properties));
+    let plan = caches.plan_touching(state, settings, properties, plan);
     outputs.begin_tick(plan);
     caches.prepare(state, plan);
     state.particles.note_applied_forces();

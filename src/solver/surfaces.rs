@@ -4,10 +4,11 @@
 
 use std::ops::Range;
 
-use crate::solver::door::{Solver, SolverError, non_negative};
+use crate::solver::api::{Solver, SolverError};
 use crate::solver::elements::{CollisionEdge, Enclosure, Face, Filament, Gas, NO_SPRING, edges_of};
 use crate::solver::gusts::AirClock;
 use crate::solver::state::State;
+use crate::solver::validation::non_negative;
 
 impl State {
     /// Appends triangles between the slots `ends` that the air blows at, on both sides alike; their numbers.
@@ -234,7 +235,7 @@ impl Solver {
     }
 
     /// Has triangles, and their edges, collide with what they meet: each is swept by spheres of the radii of its corners.
-    /// They collide with each other, too, but for those whose ends are joined over a short way. As they are now they count
+    /// They collide with each other, too, but for neighbours along the mesh. As they are now they count
     /// as at rest. Particles that are behind the triangles, as those of a lattice, may be named as `inner`: they collide
     /// with planes only.
     ///

@@ -2,14 +2,15 @@
 
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
-use bevy::math::Affine3A;
 use bevy::prelude::*;
 
-use crate::collider::{ColliderShape, ContactLayers, ParticleCollider};
+use crate::collider::{ColliderMotion, ColliderShape, ContactLayers, ParticleCollider};
 use crate::particle::SimulationOrder;
 use crate::settings::Dimensions;
-use crate::solver::{self, Layers, Material, Pose, Shape};
+use crate::solver::{self, Layers, Material, Shape};
 
+use super::easing::Easing;
+use super::exemptions::{ExemptionQueries, GatheredExemptions};
 use super::hierarchy::Hierarchy;
 use super::rigid::RigidMotion;
 use super::slots::Bookkeeping;
@@ -61,8 +62,13 @@ fn sort(state: &mut MassSpringState, orders: &Query<&SimulationOrder, Allow<Disa
 }
 
 /// All that a tick reads of a collider.
-pub(super) type ColliderData =
-    (Ref<'static, ParticleCollider>, Ref<'static, Transform>, Option<&'static ContactLayers>, Has<ChildOf>);
+pub(super) type ColliderData = (
+    Ref<'static, ParticleCollider>,
+    Ref<'static, Transform>,
+    Option<&'static ContactLayers>,
+    Option<&'static ColliderMotion>,
+    Has<ChildOf>,
+);
 
 /// What colliders need to know of the particles.
 #[derive(Clone, Copy)]
@@ -70,6 +76,8 @@ pub(super) struct Motions {
     pub view: View,
     /// The motion by which all of them were moved since the last tick.
     pub of_all: Option<RigidMotion>,
+    /// s.
+    pub time_step: f32,
 }
 
 /// The colliders of the solver: the entity of each, and what is known of all that are registered.
@@ -77,6 +85,8 @@ pub(super) struct Motions {
 pub(super) struct GatheredColliders {
     /// By the numbers of the solver.
     pub entities: Vec<Entity>,
+    /// Those that are invalid.
+    pub left_out: Vec<Entity>,
     /// By their places in the registry.
     known: Vec<Known>,
 }
@@ -88,8 +98,8 @@ struct Known {
     dimensions: Dimensions,
     described: ColliderShape,
     built: Result<Shape, String>,
-    /// As the solver had it, in the world, if it was at rest, and its layers.
-    resting: Option<(solver::Collider, Option<ContactLayers>)>,
+    /// As the solver had it, in the world, if it was at rest.
+    resting: Option<solver::Collider>,
 }
 
 impl Known {
@@ -114,11 +124,8 @@ impl Known {
         let is_known = self.scale == scale && self.dimensions == dimensions && self.described == *described;
         if !is_known {
             (self.scale, self.dimensions, self.described) = (scale, dimensions, described.clone());
-            let built = described.build(scale).map_err(|problem| problem.to_string());
-            self.built = match dimensions {
-                Dimensions::Two => built.map(Shape::in_plane),
-                Dimensions::Three => built,
-            };
+            let built = described.build_for(scale, dimensions == Dimensions::Two);
+            self.built = built.map_err(|problem| problem.to_string());
         }
         self.built.clone()
     }
@@ -132,12 +139,14 @@ pub(super) fn gather_colliders(
     gathered: &mut GatheredColliders,
     bookkeeping: &mut Bookkeeping,
     colliders: &Query<ColliderData>,
-    hierarchy: &Hierarchy,
+    around: (&Hierarchy, &mut Easing, &mut GatheredExemptions, &ExemptionQueries),
     motions: Motions,
 ) {
-    let GatheredColliders { entities, known } = gathered;
+    let GatheredColliders { entities, left_out, known } = gathered;
+    let (hierarchy, easing, exemptions, exempt) = around;
     simulation.inputs.colliders.clear();
     entities.clear();
+    left_out.clear();
     known.truncate(state.colliders.len());
     for (place, entry) in state.colliders.iter_mut().enumerate() {
         match known.get(place) {
@@ -151,28 +160,44 @@ pub(super) fn gather_colliders(
             continue;
         };
         if !std::mem::replace(&mut entry.is_recorded, true) {
-            bookkeeping.initial.record_collider(entry.entity, (*data.0).clone(), &data.1);
+            let initial = data.3.map_or(*data.1, |motion| motion.before(&data.1, motions.time_step));
+            bookkeeping.initial.record_collider(entry.entity, (*data.0).clone(), &initial);
         }
-        if let Some(collider) = gather_collider(entry, known, bookkeeping, data, hierarchy, motions) {
-            simulation.inputs.colliders.push(motions.view.collider_to_solver(collider));
-            entities.push(entry.entity);
-        }
+        let around = (hierarchy, &mut *easing, &mut *exemptions, exempt);
+        let found = gather_collider(entry, known, bookkeeping, data, around, motions);
+        let Some(collider) = found else {
+            left_out.push(entry.entity);
+            continue;
+        };
+        simulation.inputs.colliders.push(motions.view.collider_to_solver(collider));
+        entities.push(entry.entity);
     }
 }
 
-/// A collider as it is in this tick, in the world.
+/// A collider as it is in this tick, in the world; `None` of an invalid one.
 fn gather_collider(
     entry: &mut RegisteredCollider,
     known: &mut Known,
     bookkeeping: &mut Bookkeeping,
-    (collider, transform, layers, has_parent): <ColliderData as bevy::ecs::query::QueryData>::Item<'_, '_>,
-    hierarchy: &Hierarchy,
-    Motions { view, of_all }: Motions,
+    (collider, transform, layers, motion, has_parent): <ColliderData as bevy::ecs::query::QueryData>::Item<
+        '_,
+        '_,
+    >,
+    (hierarchy, easing, exemptions, exempt): (
+        &Hierarchy,
+        &mut Easing,
+        &mut GatheredExemptions,
+        &ExemptionQueries,
+    ),
+    Motions { view, of_all, time_step }: Motions,
 ) -> Option<solver::Collider> {
+    let ContactLayers { memberships, filters } = layers.copied().unwrap_or_default();
+    let exemptions = exemptions.of(entry.entity, exempt, hierarchy);
+    let layers = Layers { exemptions, ..Layers::new(memberships, filters) };
     let is_same = !(has_parent || collider.is_changed() || transform.is_changed()) && of_all.is_none();
-    if let (true, Some((resting, known_layers))) = (is_same, &known.resting)
+    if let (true, Some(resting)) = (is_same, &known.resting)
         && entry.last_pose == Some(resting.target)
-        && *known_layers == layers.copied()
+        && resting.layers == layers
         && known.dimensions == view.dimensions()
     {
         return Some(resting.clone());
@@ -180,7 +205,7 @@ fn gather_collider(
     known.resting = None;
     let entity = entry.entity;
     let (frame, _) = hierarchy.world_transform(entity);
-    let found = place(&frame, &collider, view).and_then(|(pose, scale)| {
+    let found = collider.shape.place(&frame, view.is_flat).and_then(|(pose, scale)| {
         collider.validate_surface().map_err(|problem| problem.to_string())?;
         Ok((pose, known.shape(&collider.shape, scale, view.dimensions())?))
     });
@@ -194,56 +219,35 @@ fn gather_collider(
         }
     };
     bookkeeping.warnings.clear(entity);
-    let mut start = entry.last_pose.replace(target).unwrap_or(target);
+    let mut start = entry.last_pose.replace(target).unwrap_or_else(|| {
+        // A new one has come from where it was spawned.
+        let Some(motion) = motion else { return target };
+        let before = hierarchy.frame_of(entity, &motion.before(&transform, time_step));
+        collider.shape.place(&before, view.is_flat).map_or(target, |(pose, _)| pose)
+    });
     if let Some(motion) = &of_all {
-        start = teleport::start_of_collider(motion, start, target, view);
+        let carried = teleport::start_of_collider(motion, start, target, view);
+        if carried != start && !has_parent {
+            match view.dimensions() {
+                Dimensions::Three => easing.restart_at(entity, carried),
+                // The solver's pose is flat, the transform is not.
+                Dimensions::Two => easing.restart(entity),
+            }
+        }
+        start = carried;
     }
     let ParticleCollider { restitution, friction, restitution_rule, friction_rule, .. } = *collider;
-    let ContactLayers { memberships, filters } = layers.copied().unwrap_or_default();
     let gathered = solver::Collider {
         shape,
         start,
         target,
         material: Material { restitution, friction, restitution_rule, friction_rule },
         surface_velocity: view.flatten(collider.surface_velocity),
-        layers: Layers { memberships, filters },
+        layers,
         is_sensor: collider.is_sensor,
     };
     if start == target {
-        known.resting = Some((gathered.clone(), layers.copied()));
+        known.resting = Some(gathered.clone());
     }
     Some(gathered)
-}
-
-/// Where a collider is, and its scale.
-fn place(frame: &Affine3A, collider: &ParticleCollider, view: View) -> Result<(Pose, Vec3), String> {
-    let pose = pose_of(frame).ok_or("its transform is not finite")?;
-    if collider.shape == ColliderShape::HalfSpace {
-        let pose = view.flatten_pose(pose).ok_or("it is parallel to the plane in which particles move")?;
-        return Ok((pose, Vec3::ONE));
-    }
-    let (scale, ..) = frame.to_scale_rotation_translation();
-    let [x, y, z] = [frame.matrix3.x_axis, frame.matrix3.y_axis, frame.matrix3.z_axis];
-    let is_sheared = [(x, y), (y, z), (z, x)]
-        .into_iter()
-        .any(|(one, other)| one.dot(other).abs() > MAX_SHEAR * one.length() * other.length());
-    if is_sheared {
-        return Err("it is sheared by the scale of a parent".to_owned());
-    }
-    // The scale comes rounded from the matrix: what is one is taken for one, so that a turn builds nothing anew.
-    let rounded = (scale * SCALE_STEPS).round() / SCALE_STEPS;
-    let is_near = (scale - rounded).abs().max_element() <= 1e-5 * scale.abs().max_element();
-    Ok((view.flatten_solid(pose), if is_near { rounded } else { scale }))
-}
-
-/// The cosine of the angle between two axes from which on they count as sheared.
-const MAX_SHEAR: f32 = 1e-3;
-
-/// Scales next to multiples of the inverse of this are taken for them.
-const SCALE_STEPS: f32 = 4096.0;
-
-/// A collider's pose, whatever its scale.
-pub(super) fn pose_of(frame: &Affine3A) -> Option<Pose> {
-    let (_, rotation, point) = frame.to_scale_rotation_translation();
-    (point.is_finite() && rotation.is_finite()).then_some(Pose { point, rotation })
 }

@@ -15,11 +15,12 @@ use crate::solver::{PinnedMotion, parallel};
 
 use super::Simulation;
 use super::colliders::{ColliderData, GatheredColliders, Motions, gather_colliders};
+use super::contact_properties::{ContactPropertiesQueries, gather_contact_properties};
 use super::easing::Easing;
+use super::exemptions::GatheredExemptions;
 use super::hierarchy::Hierarchy;
 use super::nets::{GatheredNets, gather_nets};
 use super::registry::Slot;
-use super::skins::{SkinnedQuery, gather_skins};
 use super::slots::{self, Bookkeeping, Candidates, NetQuery};
 use super::springs::{self, SpringQueries};
 use super::state::{MassSpringState, Warnings};
@@ -35,9 +36,9 @@ pub(super) struct Gathered {
     pub parented: Vec<(usize, usize, Entity)>,
     /// Free particles that were moved since the last tick.
     moved: Vec<Moved>,
-    /// Slots whose position or velocity came in non-finite.
+    /// Slots where a position or velocity came in non-finite.
     pub faults: Vec<usize>,
-    /// Particles whose applied force is not finite, in the last tick and in this one.
+    /// Particles with an applied force that is not finite, in the last tick and in this one.
     bad_forces: [Vec<Entity>; 2],
     /// Rows of a table that are copied one by one.
     exceptions: Vec<usize>,
@@ -76,11 +77,17 @@ pub(super) fn gather(
     mut simulation: ResMut<Simulation>,
     mut gathered: ResMut<Gathered>,
     mut gathered_colliders: ResMut<GatheredColliders>,
-    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery, SkinnedQuery)>,
+    mut queries: ParamSet<(SpringQueries, Candidates, Particles, NetQuery, ContactPropertiesQueries)>,
     mut bookkeeping: Bookkeeping,
     colliders: Query<ColliderData>,
     hierarchy: Hierarchy,
-    (dimensions, mut easing, mut gathered_nets): (Res<Dimensions>, Easing, ResMut<GatheredNets>),
+    (dimensions, time, mut easing, mut gathered_nets): (
+        Res<Dimensions>,
+        Res<Time>,
+        Easing,
+        ResMut<GatheredNets>,
+    ),
+    mut exemptions: Local<GatheredExemptions>,
 ) {
     gathered.start = Some(Instant::now());
     let (state, simulation) = (&mut *state, &mut *simulation);
@@ -100,17 +107,25 @@ pub(super) fn gather(
     let Gathered { moved, .. } = &mut *gathered;
     gather_nets(state, simulation, &mut gathered_nets, warnings, &queries.p3(), view, moved);
     let motion_of_all = teleport::settle(state, simulation, &gathered.moved, view, &mut easing);
-    let motions = Motions { view, of_all: motion_of_all };
+    let motions = Motions { view, of_all: motion_of_all, time_step: time.delta_secs() };
+    let surfaces = queries.p4();
+    exemptions.gather(&surfaces.1, &hierarchy);
     gather_colliders(
         state,
         simulation,
         &mut gathered_colliders,
         &mut bookkeeping,
         &colliders,
-        &hierarchy,
+        (&hierarchy, &mut easing, &mut exemptions, &surfaces.1),
         motions,
     );
-    gather_skins(state, simulation, &mut bookkeeping.warnings, &queries.p4());
+    gather_contact_properties(
+        state,
+        simulation,
+        &mut bookkeeping.warnings,
+        &surfaces,
+        (&mut exemptions, &hierarchy),
+    );
 }
 
 /// Where those particles of the sample are that belong to nets.

@@ -14,6 +14,21 @@ pub(super) struct Hierarchy<'w, 's> {
 }
 
 impl Hierarchy<'_, '_> {
+    /// An entity and all above it, from the bottom up.
+    pub fn lineage(&self, entity: Entity) -> impl Iterator<Item = Entity> {
+        let parent_of = |entity: &Entity| self.parents.get(*entity).ok().map(ChildOf::parent);
+        std::iter::successors(Some(entity), parent_of)
+    }
+
+    /// The world transform that an entity would have with another `Transform`.
+    pub fn frame_of(&self, entity: Entity, transform: &Transform) -> Affine3A {
+        let own = transform.compute_affine();
+        match self.parents.get(entity) {
+            Ok(parent) => self.world_transform(parent.parent()).0 * own,
+            Err(_) => own,
+        }
+    }
+
     /// See [`world_transform`].
     pub fn world_transform(&self, entity: Entity) -> (Affine3A, usize) {
         let parent_of = |entity| self.parents.get(entity).ok().map(ChildOf::parent);

@@ -14,7 +14,9 @@
 mod adopt;
 mod bends;
 mod colliders;
+mod contact_properties;
 mod easing;
+mod exemptions;
 mod gather;
 mod hierarchy;
 mod nets;
@@ -25,7 +27,6 @@ mod relocate;
 mod rigid;
 mod run;
 mod scatter;
-mod skins;
 mod slots;
 mod snapshot;
 mod springs;
@@ -48,6 +49,8 @@ use crate::solver::particles::Vectors;
 use crate::solver::{Caches, Inputs, Outputs, Version};
 use crate::spring::{Broken, Spring};
 
+#[cfg(feature = "interpolation")]
+pub(crate) use easing::keep_untouched;
 use registry::Slot;
 pub(crate) use relocate::{Scope, relocate};
 pub use snapshot::{Snapshot, SnapshotError};

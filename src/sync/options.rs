@@ -3,13 +3,13 @@
 use bevy::ecs::entity::{EntityHashSet, EntityMapper, MapEntities};
 use bevy::prelude::*;
 
-use crate::collider::{ColliderMotion, ContactLayers, ContactMaterial};
+use crate::collider::{ColliderMotion, ContactExemptions, ContactLayers, ContactMaterial};
 use crate::nets::{Breaking, Winch, Yielding};
 
 macro_rules! define_options {
     ($($name:ident: $component:ty),*) => {
         /// Those of an entity that has any.
-        #[derive(Debug, Clone, Copy)]
+        #[derive(Debug, Clone)]
         #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
         struct Options {
             entity: Entity,
@@ -19,16 +19,16 @@ macro_rules! define_options {
         impl Options {
             fn of(world: &World, entity: Entity) -> Option<Self> {
                 let entity = world.get_entity(entity).ok()?;
-                let options = Self { entity: entity.id(), $($name: entity.get().copied(),)* };
+                let options = Self { entity: entity.id(), $($name: entity.get().cloned(),)* };
                 ($(options.$name.is_some())||*).then_some(options)
             }
 
             /// Gives the entity these, and takes away any others of them.
             fn restore(&self, world: &mut World) {
                 let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
-                $(match self.$name {
-                    Some(component) if entity.get() == Some(&component) => {}
-                    Some(component) => _ = entity.insert(component),
+                $(match &self.$name {
+                    Some(component) if entity.get() == Some(component) => {}
+                    Some(component) => _ = entity.insert(component.clone()),
                     None if entity.contains::<$component>() => _ = entity.remove::<$component>(),
                     None => {}
                 })*
@@ -48,6 +48,7 @@ macro_rules! define_options {
 define_options!(
     material: ContactMaterial,
     layers: ContactLayers,
+    exemptions: ContactExemptions,
     motion: ColliderMotion,
     breaking: Breaking,
     winch: Winch,
@@ -78,6 +79,11 @@ impl OptionalComponents {
 
 impl MapEntities for OptionalComponents {
     fn map_entities<M: EntityMapper>(&mut self, mapper: &mut M) {
-        self.0.iter_mut().for_each(|options| options.entity = mapper.get_mapped(options.entity));
+        for options in &mut self.0 {
+            options.entity = mapper.get_mapped(options.entity);
+            if let Some(ContactExemptions(entities)) = &mut options.exemptions {
+                entities.iter_mut().for_each(|entity| *entity = mapper.get_mapped(*entity));
+            }
+        }
     }
 }

@@ -169,17 +169,18 @@ impl PartRecord {
 
 impl ColliderRecord {
     pub fn of(world: &World, entity: Entity) -> Option<Self> {
-        let transform = world.get::<Transform>(entity)?;
-        let collider = world.get::<ParticleCollider>(entity)?.clone();
-        Some(Self { entity, collider, transform: *transform })
+        let entity = world.get_entity(entity).ok()?;
+        let collider = entity.get::<ParticleCollider>()?.clone();
+        Some(Self { entity: entity.id(), collider, transform: easing::exact_transform(world, entity)? })
     }
 
     pub fn restore(&self, world: &mut World) {
-        if let Some(mut collider) = world.get_mut::<ParticleCollider>(self.entity) {
-            collider.set_if_neq(self.collider.clone());
-            if let Some(mut transform) = world.get_mut::<Transform>(self.entity) {
-                transform.set_if_neq(self.transform);
-            }
+        let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
+        let Some(mut collider) = entity.get_mut::<ParticleCollider>() else { return };
+        collider.set_if_neq(self.collider.clone());
+        if let Some(mut transform) = entity.get_mut::<Transform>() {
+            transform.set_if_neq(self.transform);
         }
+        easing::reset(&mut entity);
     }
 }

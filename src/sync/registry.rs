@@ -30,7 +30,7 @@ impl<T: Send + Sync + 'static> Slot<T> {
         (self.slot != u32::MAX).then_some(self.slot as usize)
     }
 
-    /// Whether a registry knows the entity.
+    /// Whether a registry has the entity.
     pub fn is_registered(&self) -> bool {
         self.serial != u64::MAX
     }

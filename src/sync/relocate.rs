@@ -7,13 +7,12 @@ use bevy::math::{Affine3A, DVec3};
 use bevy::prelude::*;
 
 use crate::bend::Bend;
-use crate::collider::ParticleCollider;
+use crate::collider::{ParticleCollider, pose_of};
 use crate::nets::{PartOf, PartState, ParticleNet, Parts};
 use crate::particle::{Particle, ParticleVelocity, Pinned};
 use crate::settings::Dimensions;
 use crate::spring::Spring;
 
-use super::colliders::pose_of;
 use super::hierarchy::{to_local, to_world, world_transform};
 use super::rigid::RigidMotion;
 use super::state::{MassSpringState, touch};
@@ -162,7 +161,7 @@ fn move_particles(
             let (frame, depth) = frame_of(world, entity);
             let translation = easing::exact_translation(world, world.entity(entity))?;
             let seen = view.frame_to_solver(frame);
-            // As exactly as the solver knows it, unless it was moved since.
+            // As exactly as the solver stores it, unless it was moved since.
             let known = slot
                 .map(|slot| positions.get(slot))
                 .filter(|position| translate(view, depth, &seen, *position, translation) == translation);
@@ -372,7 +371,7 @@ struct MovingCollider {
 impl MovingCollider {
     fn start(world: &World, entity: Entity, motion: &RigidMotion) -> Option<Self> {
         let (frame, depth) = frame_of(world, entity);
-        let transform = world.get::<Transform>(entity)?;
+        let transform = easing::exact_transform(world, world.entity(entity))?;
         let (_, rotation, point) = (frame * transform.compute_affine()).to_scale_rotation_translation();
         let (point, rotation) = (motion.apply(point.as_dvec3()).as_vec3(), motion.turn_rotation(rotation));
         Some(Self { entity, depth, point, rotation })
@@ -380,7 +379,8 @@ impl MovingCollider {
 
     fn arrive(&self, world: &mut World, state: &mut MassSpringState, view: View) {
         let (frame, _) = frame_of(world, self.entity);
-        let Some(mut transform) = world.get_mut::<Transform>(self.entity) else { return };
+        let mut entity = world.entity_mut(self.entity);
+        let Some(mut transform) = entity.get_mut::<Transform>() else { return };
         (transform.translation, transform.rotation) = (self.point, self.rotation);
         if self.depth > 0 {
             let (_, parent, _) = frame.to_scale_rotation_translation();
@@ -388,6 +388,7 @@ impl MovingCollider {
             transform.rotation = parent.inverse() * self.rotation;
         }
         let pose = pose_of(&(frame * transform.compute_affine())).and_then(|pose| view.flatten_pose(pose));
+        easing::reset(&mut entity);
         for known in state.colliders.iter_mut().filter(|known| known.entity == self.entity) {
             known.last_pose = known.last_pose.and(pose);
         }

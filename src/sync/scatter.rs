@@ -10,8 +10,11 @@ use bevy::platform::time::Instant;
 use bevy::prelude::*;
 
 use crate::collider::Contact;
+use crate::nets::Anchor;
 use crate::particle::{Particle, ParticleVelocity, Pinned, Quarantined};
-use crate::report::{Broke, ParticleFault, SleepingParticles, SpringForces, TickReport};
+use crate::report::{
+    Broke, InvalidColliders, ParticleFault, Reaction, SleepingParticles, SpringForces, TickReport,
+};
 use crate::settings::Dimensions;
 use crate::solver::particles::Particles;
 use crate::solver::{self, ContactPartner, ContactRecord, Outputs, Version, parallel};
@@ -63,10 +66,15 @@ pub(super) fn scatter(
         messages.write_batch(merged_contacts(&simulation.outputs, &state, &nets, &colliders.entities));
     }
     if let Some(forces) = &mut publications.forces {
-        publish_forces(&simulation.outputs, &state, &nets, forces);
+        publish_forces(&simulation.outputs, &state, &nets, &publications.anchors, forces);
     }
     if let Some(sleeping) = &mut publications.sleeping {
         publish_sleeping(&state, &nets, sleeping, &mut publications.published_sleep);
+    }
+    if let Some(invalid) = &mut publications.invalid_colliders {
+        let mut all = colliders.left_out.clone();
+        all.sort_unstable();
+        invalid.set_if_neq(InvalidColliders { all });
     }
     report.scatter_time = start.elapsed();
 }
@@ -164,7 +172,10 @@ pub(super) struct Publications<'w, 's> {
     broke: MessageWriter<'w, Broke>,
     contacts: Option<ResMut<'w, Messages<Contact>>>,
     forces: Option<ResMut<'w, SpringForces>>,
+    /// The pinned particles of attachments, which are children of what the parts are attached to.
+    anchors: Query<'w, 's, &'static ChildOf, With<Anchor>>,
     sleeping: Option<ResMut<'w, SleepingParticles>>,
+    invalid_colliders: Option<ResMut<'w, InvalidColliders>>,
     /// Of the sleep that was published last.
     published_sleep: Local<'s, Version>,
     springs: Query<'w, 's, &'static mut Spring>,
@@ -274,6 +285,7 @@ fn publish_forces(
     outputs: &Outputs,
     state: &MassSpringState,
     nets: &GatheredNets,
+    anchors: &Query<&ChildOf, With<Anchor>>,
     forces: &mut SpringForces,
 ) {
     let springs = state.springs.slots.iter().copied().zip(outputs.tensions.iter().copied());
@@ -281,7 +293,13 @@ fn publish_forces(
     forces
         .tensions
         .extend(springs.filter(|(spring, _)| *spring != Entity::PLACEHOLDER && !nets.contains(*spring)));
-    let reactions = outputs.reactions.iter().map(|(slot, force)| (state.particles.slots[*slot], *force));
+    let reactions = outputs.reactions.iter().filter_map(|&(slot, force)| {
+        let particle = state.particles.slots[slot];
+        let index = nets.particle_at(state, particle, slot);
+        let entity = anchors.get(particle).map_or(particle, ChildOf::parent);
+        let point = state.solver.particles.position.get(slot) + state.solver.origin;
+        (particle != Entity::PLACEHOLDER).then_some(Reaction { entity, index, force, point })
+    });
     forces.reactions.clear();
-    forces.reactions.extend(reactions.filter(|(particle, _)| *particle != Entity::PLACEHOLDER));
+    forces.reactions.extend(reactions);
 }

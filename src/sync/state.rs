@@ -27,7 +27,7 @@ use super::registry::{Registry, Slot};
 /// [`Quarantined`](crate::Quarantined), [`SimulationOrder`](crate::SimulationOrder), [`Spring`], [`Broken`], [`Bend`],
 /// [`ParticleNet`], [`PartState`](crate::nets::PartState), [`Breaking`](crate::nets::Breaking),
 /// [`Yielding`](crate::nets::Yielding), [`Winch`](crate::nets::Winch), [`ParticleCollider`], [`ColliderMotion`](crate::ColliderMotion), [`ContactMaterial`](crate::ContactMaterial),
-/// [`ContactLayers`](crate::ContactLayers) and `Transform` (that of parents, too). With all of these put back,
+/// [`ContactLayers`](crate::ContactLayers), [`ContactExemptions`](crate::ContactExemptions) and `Transform` (that of parents, too). With all of these put back,
 /// this resource last, the next ticks have the same bits as those that followed the saving. Entities that were
 /// respawned in the meantime are to be mapped (it implements [`MapEntities`]).
 /// [`Snapshot`](crate::snapshot::Snapshot) does all of that, but for parents.
@@ -111,7 +111,12 @@ impl MapEntities for MassSpringState {
         {
             *entity = mapper.get_mapped(*entity);
         }
-        self.touching.sort_unstable();
+        let Self { touching, colliders, .. } = self;
+        let is_collider = |entity| colliders.iter().any(|collider| collider.entity == entity);
+        for pair in touching.iter_mut().filter(|[_, other]| !is_collider(*other)) {
+            *pair = super::touching::ordered(*pair);
+        }
+        touching.sort_unstable();
         self.despawned = self.despawned.iter().map(|entity| mapper.get_mapped(*entity)).collect();
         self.version = Version::new();
     }

@@ -46,11 +46,11 @@ pub(super) fn publish_touching(
 ) {
     let entity_in = |slot: usize| state.particles.slots.get(slot).copied();
     let pair = |slot: usize, other: ContactPartner| {
-        let other = match other {
-            ContactPartner::Collider(number) => *colliders.entities.get(number)?,
-            ContactPartner::Particle(slot) => entity_in(slot)?,
-        };
-        Some([entity_in(slot)?, other])
+        let entity = entity_in(slot)?;
+        Some(match other {
+            ContactPartner::Collider(number) => [entity, *colliders.entities.get(number)?],
+            ContactPartner::Particle(slot) => ordered([entity, entity_in(slot)?]),
+        })
     };
     let records = simulation.outputs.contacts.iter();
     let mut now: Vec<[Entity; 2]> = records.filter_map(|record| pair(record.slot, record.other)).collect();
@@ -74,7 +74,7 @@ pub(super) fn publish_touching(
         if let Some(messages) = &mut started {
             messages.write(ContactStarted { entity, other });
         }
-        for (entity, other) in [(entity, other), (other, entity)] {
+        for [entity, other] in both_ways([entity, other]) {
             if marked.contains(entity) {
                 commands.trigger(ContactStarted { entity, other });
             }
@@ -84,10 +84,22 @@ pub(super) fn publish_touching(
         if let Some(messages) = &mut ended {
             messages.write(ContactEnded { entity, other });
         }
-        for (entity, other) in [(entity, other), (other, entity)] {
+        for [entity, other] in both_ways([entity, other]) {
             if marked.contains(entity) {
                 commands.trigger(ContactEnded { entity, other });
             }
         }
     }
+}
+
+/// Two particles or nets in the order in which a pair of them is stored: which of two nets has the lower slot changes as
+/// they grow.
+pub(super) fn ordered([one, other]: [Entity; 2]) -> [Entity; 2] {
+    if other < one { [other, one] } else { [one, other] }
+}
+
+/// A pair as each of the two sees it; once if it is a net that touches itself.
+fn both_ways([entity, other]: [Entity; 2]) -> impl Iterator<Item = [Entity; 2]> {
+    let number = if entity == other { 1 } else { 2 };
+    [[entity, other], [other, entity]].into_iter().take(number)
 }

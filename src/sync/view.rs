@@ -18,9 +18,6 @@ const REACH: f32 = 32.0;
 /// Origins are multiples of this, m, so that sums and differences with them are exact wherever f32 can hold them.
 const ORIGIN_STEP: f32 = 16.0;
 
-/// The least sine of the angle between a plane's normal and the axis of depth, in two dimensions.
-const MIN_SLOPE: f32 = 1e-3;
-
 /// Number of particles, at most, by which an origin is chosen.
 pub(super) const SAMPLE: usize = 16;
 
@@ -86,18 +83,7 @@ impl View {
 
     /// A pose without the depth that it must not have; `None` if nothing of its normal remains.
     pub fn flatten_pose(self, pose: Pose) -> Option<Pose> {
-        if !self.is_flat {
-            return Some(pose);
-        }
-        let normal = (pose.rotation * Vec3::Y).truncate();
-        let normal = (normal.length() > MIN_SLOPE).then(|| normal.normalize())?;
-        let rotation = Quat::from_rotation_arc_2d(Vec2::Y, normal);
-        Some(Pose { point: pose.point.with_z(0.0), rotation })
-    }
-
-    /// The pose of a solid, whose depth does not count in two dimensions.
-    pub fn flatten_solid(self, pose: Pose) -> Pose {
-        Pose { point: self.flatten(pose.point), ..pose }
+        if self.is_flat { pose.of_half_space_in_plane() } else { Some(pose) }
     }
 
     /// A collider of the world, seen by the solver. A half-space is given by the point of its surface that is next to

@@ -5,6 +5,7 @@ pub mod backward_euler;
 pub mod bodies;
 pub mod colliding;
 pub mod crossings;
+pub mod curves;
 pub mod logged;
 pub mod reference;
 pub mod shapes;

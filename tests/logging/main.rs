@@ -2,8 +2,10 @@
 //!
 //! The log belongs to the process, so each test here holds `Logged` from its first line on.
 
+mod colliders;
 #[path = "../common/mod.rs"]
 mod common;
 mod faults;
 mod orphans;
+mod recipes;
 mod warnings;

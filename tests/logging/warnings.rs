@@ -9,12 +9,12 @@ use crate::common::logged::Logged;
 use crate::common::*;
 
 /// A chain of five hanging from a pinned particle, independent of what the tests change.
-fn unrelated_chain(app: &mut App) -> Vec<Entity> {
+pub fn unrelated_chain(app: &mut App) -> Vec<Entity> {
     spawn_rope(app, Vec3::new(0.0, 20.0, 0.0), 5, 0.2, |spring| spring.with_stiffness(400.0))
 }
 
 /// The hash of that chain after `ticks` ticks in an app without anything else.
-fn undisturbed(ticks: u32) -> u64 {
+pub fn undisturbed(ticks: u32) -> u64 {
     let mut app = app();
     let chain = unrelated_chain(&mut app);
     run(&mut app, ticks);
@@ -22,7 +22,7 @@ fn undisturbed(ticks: u32) -> u64 {
 }
 
 #[track_caller]
-fn assert_names(line: &str, entity: Entity, words: &[&str]) {
+pub fn assert_names(line: &str, entity: Entity, words: &[&str]) {
     assert!(line.contains(&entity.to_string()), "{line:?} does not name {entity}");
     for word in words {
         assert!(line.contains(word), "{line:?} does not contain {word:?}");

@@ -1,5 +1,6 @@
 //! Nets as meshes, in an app that has cameras and meshes but neither a window nor a renderer.
 
+mod colliders;
 mod easing;
 mod recipes;
 mod ropes;

@@ -43,6 +43,94 @@ fn attachments_pull_and_break() {
     assert!(net(&app, rope).positions()[0].y < -1.0);
 }
 
+/// A body of the game's own, which moves by its own physics.
+#[derive(Component)]
+struct Body {
+    mass: f32,
+    velocity: Vec3,
+}
+
+/// The reactions on an entity, N.
+fn reactions(app: &App, entity: Entity) -> Vec<Reaction> {
+    let all = &app.world().resource::<SpringForces>().reactions;
+    all.iter().filter(|reaction| reaction.entity == entity).copied().collect()
+}
+
+/// A rope between a hook and a lamp, which are no particles. The hook is pulled down by the lamp and by the rope, the lamp up by its
+/// weight, as it hangs on nothing else: the game moves it by the reaction. Both are named themselves.
+#[test]
+fn a_rope_pulls_at_bodies_of_the_game() {
+    let mut app = watching();
+    app.init_resource::<SpringForces>();
+    let hook = app.world_mut().spawn(Transform::from_xyz(0.5, 3.0, 0.0)).id();
+    let lamp_place = Transform::from_xyz(0.5, 2.0, 0.0);
+    let lamp = app.world_mut().spawn((Body { mass: 2.0, velocity: Vec3::ZERO }, lamp_place)).id();
+    let net = ParticleNet::new(rope(10), &Transform::from_xyz(0.5, 3.0, 0.0));
+    let rope = app.world_mut().spawn(net).id();
+    app.world_mut().spawn((PartOf(rope), Part::Start, Attachment::to(hook)));
+    app.world_mut().spawn((PartOf(rope), Part::End, Attachment::to(lamp)));
+    app.world_mut().resource_mut::<Environment>().viscosity = 0.5;
+    // It is tied where the lamp is at first; the lamp is let go then.
+    run(&mut app, 1);
+    app.add_systems(
+        FixedUpdate,
+        |forces: Res<SpringForces>, time: Res<Time>, mut bodies: Query<(&mut Body, &mut Transform)>| {
+            let step = time.delta_secs();
+            for reaction in &forces.reactions {
+                if let Ok((mut body, _)) = bodies.get_mut(reaction.entity) {
+                    let change = reaction.force * (step / body.mass);
+                    body.velocity += change;
+                }
+            }
+            for (mut body, mut place) in &mut bodies {
+                // The reaction is a tick old, which feeds it with k h = 78 N·s/m of the tie: of its own it is braked with 100 N·s/m,
+                // evaluated at the end of the tick.
+                let braked = (body.velocity + Vec3::NEG_Y * (9.81 * step)) / (1.0 + 100.0 * step / body.mass);
+                body.velocity = braked;
+                place.translation += body.velocity * step;
+            }
+        },
+    );
+    run(&mut app, 1200);
+    let [on_lamp] = reactions(&app, lamp)[..] else { panic!("{:?}", reactions(&app, lamp)) };
+    let [on_hook] = reactions(&app, hook)[..] else { panic!("{:?}", reactions(&app, hook)) };
+    assert!(on_lamp.force.distance(Vec3::Y * 2.0 * 9.81) < 0.02, "{}", on_lamp.force);
+    // Eleven particles of 10 g.
+    assert!(on_hook.force.distance(Vec3::NEG_Y * 2.11 * 9.81) < 0.02, "{}", on_hook.force);
+    assert_eq!((on_lamp.index, on_hook.index), (None, None));
+    assert!(on_hook.point.distance(Vec3::new(0.5, 3.0, 0.0)) < 1e-6, "{}", on_hook.point);
+    assert!(on_lamp.point.distance(app.world().get::<Transform>(lamp).unwrap().translation) < 0.01);
+    // Each of the ten links and the two ties, 5e3 N/m, gives by 4 mm.
+    let stretch = 2.0 - app.world().get::<Transform>(lamp).unwrap().translation.y;
+    assert!((stretch - 12.0 * 2.055 * 9.81 / 5e3).abs() < 1e-3, "{stretch} m");
+    assert_eq!(app.world().resource::<SpringForces>().reactions.len(), 2, "none comes under a helper");
+}
+
+/// Pinned particles of a net come under it, by their numbers; a loose one has none.
+#[test]
+fn reactions_name_the_particles_of_nets() {
+    let mut app = watching();
+    app.init_resource::<SpringForces>();
+    app.world_mut().resource_mut::<Environment>().viscosity = 2.0;
+    let anchor = spawn_pinned(&mut app, Vec3::X);
+    let bob = spawn(&mut app, 1.0, 0.0, Vec3::X - Vec3::Y);
+    crate::common::join(&mut app, Spring::new(anchor, bob, 1.0).with_stiffness(400.0));
+    // Ten links between two ends that are held, one below the other.
+    let rope = app.world_mut().spawn(ParticleNet::new(rope(10), &Transform::IDENTITY)).id();
+    for part in [Part::Start, Part::End] {
+        app.world_mut().spawn((PartOf(rope), part, Pinned));
+    }
+    run(&mut app, 1200);
+    let [loose] = reactions(&app, anchor)[..] else { panic!("{:?}", reactions(&app, anchor)) };
+    assert!(loose.index.is_none() && loose.force.distance(Vec3::NEG_Y * 9.81) < 0.01, "{loose:?}");
+    let [start, end] = reactions(&app, rope)[..] else { panic!("{:?}", reactions(&app, rope)) };
+    assert_eq!((start.index, end.index), (Some(0), Some(10)));
+    // Together they bear the nine particles between them.
+    let sum = start.force + end.force;
+    assert!(sum.distance(Vec3::NEG_Y * 0.09 * 9.81) < 0.01, "{sum}");
+    assert!(end.point.distance(Vec3::NEG_Y) < 1e-6, "{}", end.point);
+}
+
 /// Two ropes, spawned in the same tick as the parts that tie them: the tie is as long as they are apart.
 #[test]
 fn ropes_are_tied_to_each_other_where_they_are() {

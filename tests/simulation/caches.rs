@@ -316,7 +316,7 @@ fn ticks_of_a_cloth_on_a_solid_depend_on_no_cache() {
     for shape in [Shape::ball(0.4), round_mesh()] {
         for integrator in Integrator::ALL {
             let solver = cloth_on(shape.clone(), 5.0);
-            assert_caches_change_nothing_with(|_, _, _| {}, solver, settings(integrator), 60);
+            assert_caches_change_nothing_with(|_, _, _| {}, solver, settings(integrator), 20);
         }
     }
 }
@@ -325,7 +325,7 @@ fn ticks_of_a_cloth_on_a_solid_depend_on_no_cache() {
 #[test]
 fn ticks_of_a_changed_cloth_on_a_solid_depend_on_no_cache() {
     for integrator in Integrator::ALL {
-        assert_caches_change_nothing(cloth_on(Shape::ball(0.4), 500.0), integrator, 60);
+        assert_caches_change_nothing(cloth_on(Shape::ball(0.4), 500.0), integrator, 20);
     }
 }
 

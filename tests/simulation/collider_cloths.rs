@@ -190,6 +190,7 @@ fn round_colliders() -> Vec<(&'static str, Collider)> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes unoptimised")]
 fn a_cloth_comes_to_rest_by_backward_euler() {
     for collider in round_colliders() {
         comes_to_rest(&collider, (12, 100.0, 6), (Integrator::ImplicitEuler, SubstepMode::Fixed(1)));
@@ -197,6 +198,7 @@ fn a_cloth_comes_to_rest_by_backward_euler() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes unoptimised")]
 fn a_cloth_falls_asleep_on_a_mesh_by_backward_euler() {
     let mesh = colliders().into_iter().find(|(name, _)| *name == "mesh").unwrap();
     let settings = falling(Integrator::ImplicitEuler, 1);
@@ -205,6 +207,7 @@ fn a_cloth_falls_asleep_on_a_mesh_by_backward_euler() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes unoptimised")]
 fn a_cloth_comes_to_rest_by_tr_bdf2() {
     for collider in round_colliders() {
         comes_to_rest(&collider, (12, 1e3, 6), (Integrator::TrBdf2, SubstepMode::Fixed(2)));
@@ -213,6 +216,7 @@ fn a_cloth_comes_to_rest_by_tr_bdf2() {
 
 /// `Auto` takes TR-BDF2 for one as stiff as this.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes unoptimised")]
 fn a_stiff_cloth_comes_to_rest_by_what_auto_picks() {
     for collider in round_colliders() {
         comes_to_rest(&collider, (12, 1e5, 8), (Integrator::Auto, SubstepMode::Auto));

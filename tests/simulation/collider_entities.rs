@@ -189,6 +189,7 @@ fn rays_balls_and_points_find_what_is_there() {
     let wall =
         app.world_mut().spawn((wall, Transform::from_xyz(5.0, 0.0, 0.0), ContactLayers::new(1, 1))).id();
     let ball = spawn(&mut app, 1.0, 0.5, Vec3::X * 2.0);
+    app.world_mut().entity_mut(ball).insert(ContactLayers::new(2, u32::MAX));
     let rope = Rope::between(Vec3::new(-2.0, -1.0, 0.0), Vec3::new(-2.0, 1.0, 0.0))
         .with_segments(4)
         .with_radius(0.1);
@@ -202,11 +203,11 @@ fn rays_balls_and_points_find_what_is_there() {
         Option<ParticleHit>,
     );
     let ask = move |mut queries: ParticleQueries| -> Found {
-        let all = ContactLayers::default();
+        let all = ParticleQueryFilter::default();
         let ray = Ray3d::new(Vec3::ZERO, Dir3::X);
         (
             queries.cast_ray(ray, 10.0, all),
-            queries.cast_ray(ray, 10.0, ContactLayers::new(1, 1)),
+            queries.cast_ray(ray, 10.0, ParticleQueryFilter::from_layers(ContactLayers::new(1, 1))),
             queries.cast_sphere(0.25, Ray3d::new(Vec3::Y * 1.9, Dir3::X), 10.0, all),
             queries.cast_ray(Ray3d::new(Vec3::ZERO, Dir3::NEG_X), 10.0, all),
             queries.closest_point(Vec3::new(4.0, 0.5, 0.0), 1.0, all),
@@ -219,7 +220,8 @@ fn rays_balls_and_points_find_what_is_there() {
         assert!((hit.distance - distance).abs() < 1e-4 && hit.normal.distance(normal) < 1e-4, "{hit:?}");
     };
     check(first, ball, 1.5, Vec3::NEG_X);
-    let _ = layered;
+    // The ball is in layer 2 only, and does not hide the wall.
+    check(layered, wall, 4.5, Vec3::NEG_X);
     check(wide, wall, 4.25, Vec3::NEG_X);
     check(back, rope, 1.9, Vec3::X);
     assert_eq!(back.unwrap().index, Some(2));
@@ -248,4 +250,44 @@ fn a_snapshot_holds_colliders() {
     snapshot.restore(app.world_mut());
     run(&mut app, 30);
     assert_eq!(bits(&app), expected);
+}
+
+/// A sphere comes up by 1 m in a tick, past a ball 0.5 m above, a stick turns by half a radian: both strike in the very first one.
+#[test]
+fn a_moving_collider_strikes_in_its_first_tick() {
+    for integrator in Integrator::ALL {
+        let mut app = app();
+        floating(&mut app);
+        app.insert_resource(scheme(integrator, 4));
+        let rising = ColliderMotion { velocity: Vec3::Y / TICK, ..default() };
+        app.world_mut().spawn((ParticleCollider::from(Sphere::new(0.1)), rising));
+        let hit = spawn(&mut app, 1.0, 0.05, Vec3::Y * 0.5);
+        let parent = app.world_mut().spawn(Transform::from_xyz(5.0, 0.0, 0.0)).id();
+        let turning = ColliderMotion { angular_velocity: Vec3::Y * 0.5 / TICK, ..default() };
+        let stick = Transform::from_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
+        app.world_mut().spawn((
+            ParticleCollider::from(Capsule3d::new(0.05, 2.0)),
+            stick,
+            turning,
+            ChildOf(parent),
+        ));
+        let swept = spawn(&mut app, 1.0, 0.05, Vec3::new(5.8, 0.0, -0.2));
+        run(&mut app, 1);
+        assert!(velocity(&app, hit).y > 0.9 / TICK, "{integrator}: {}", velocity(&app, hit));
+        assert!(velocity(&app, swept).length() > 0.3 / TICK, "{integrator}: {}", velocity(&app, swept));
+    }
+}
+
+/// What is restarted begins where it began, not a tick later.
+#[test]
+fn a_restart_puts_moving_colliders_back() {
+    let mut app = app();
+    let moving = ColliderMotion { velocity: Vec3::X, ..default() };
+    let platform = app.world_mut().spawn((ParticleCollider::from(Cuboid::new(1.0, 0.2, 1.0)), moving)).id();
+    spawn(&mut app, 1.0, 0.1, Vec3::Y);
+    run(&mut app, 10);
+    RestoreInitialState.apply(app.world_mut());
+    run(&mut app, 1);
+    let place = app.world().get::<Transform>(platform).unwrap().translation.x;
+    assert!((place - TICK).abs() < 1e-6, "{place} m");
 }

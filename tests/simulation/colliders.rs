@@ -4,8 +4,8 @@ use std::f32::consts::FRAC_PI_2;
 
 use bevy::math::{Quat, Vec3};
 use bevy_mass_spring::solver::{
-    Collider, CombineRule, ContactPartner, Integrator, Layers, Material, Pose, Shape, Skin, Solver,
-    StepSettings,
+    Collider, CombineRule, ContactPartner, ContactProperties, Integrator, Layers, Material, Pose, Shape,
+    Solver, StepSettings,
 };
 
 use crate::common::bodies::{
@@ -159,11 +159,11 @@ fn a_belt_carries_and_a_drum_rubs() {
 fn layers_sensors_and_rules_decide() {
     for scheme in Integrator::named() {
         let floor = with(resting(Shape::cuboid(Vec3::new(9.0, 0.5, 9.0)), Vec3::NEG_Y * 0.5), 0.0, 0.8);
-        let drop = |floor: Collider, skin: Skin| {
+        let drop = |floor: Collider, own_properties: ContactProperties| {
             let mut state = world([Ball { velocity: Vec3::new(2.0, -1.0, 0.0), ..Ball::at(Vec3::Y * 0.11) }]);
             state.outputs_mut().record_contacts = true;
             state.add_collider(floor);
-            state.inputs_mut().skins = vec![skin];
+            state.inputs_mut().contact_properties = vec![own_properties];
             let mut told = false;
             for _ in 0..10 {
                 state.step(&floating(scheme, 0.0));
@@ -171,18 +171,23 @@ fn layers_sensors_and_rules_decide() {
             }
             (velocity(&state, 0), told)
         };
-        let layers = |memberships, filters| Layers { memberships, filters };
+        let layers = Layers::new;
         let apart = Collider { layers: layers(1, 2), ..floor.clone() };
-        let skin = Skin { layers: layers(1, 1), ..Skin::default() };
-        assert_eq!(drop(apart.clone(), skin), (Vec3::new(2.0, -1.0, 0.0), false), "{scheme:?}");
-        let skin = Skin { layers: layers(2, 1), ..Skin::default() };
-        assert!(drop(apart, skin).0.y > -1e-6, "{scheme:?}");
+        let own_properties = ContactProperties { layers: layers(1, 1), ..ContactProperties::default() };
+        assert_eq!(drop(apart.clone(), own_properties), (Vec3::new(2.0, -1.0, 0.0), false), "{scheme:?}");
+        let own_properties = ContactProperties { layers: layers(2, 1), ..ContactProperties::default() };
+        assert!(drop(apart, own_properties).0.y > -1e-6, "{scheme:?}");
         let sensor = Collider { is_sensor: true, ..floor.clone() };
-        assert_eq!(drop(sensor, Skin::default()), (Vec3::new(2.0, -1.0, 0.0), true), "{scheme:?}");
+        assert_eq!(
+            drop(sensor, ContactProperties::default()),
+            (Vec3::new(2.0, -1.0, 0.0), true),
+            "{scheme:?}"
+        );
         // The impact of 1 m/s takes μ · 1 m/s of the slip.
         let rough = Material { friction: 0.2, friction_rule: CombineRule::Minimum, ..Material::default() };
         for (material, friction) in [(None, 0.8), (Some(rough), 0.2)] {
-            let found = drop(floor.clone(), Skin { material, ..Skin::default() }).0.x;
+            let found =
+                drop(floor.clone(), ContactProperties { material, ..ContactProperties::default() }).0.x;
             assert!((found - (2.0 - friction)).abs() < 1e-3, "{scheme:?}: {found}");
         }
     }

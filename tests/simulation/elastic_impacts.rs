@@ -113,14 +113,14 @@ fn pressed(onto: Onto, rest: f32, stiffness: f32, restitution: f32) -> Solver {
     state
 }
 
-/// hω = 0.2 to 0.9 of the spring. The energy that semi-implicit Euler conserves differs from the true one by ± hω/2, that of Verlet by
-/// less: neither shows more than (1 + hω/2) / (1 − hω/2) of it, and a tenth for where in a substep the impacts are.
+/// hω = 0.2 to 0.9 of the spring. The energy that semi-implicit Euler conserves differs from the true one by ± hω/2, so that it shows at most
+/// (1 + hω/2) / (1 − hω/2) of it, that of Verlet lies below it by (hω/2)² of its elastic part, and a tenth is for where in a substep the
+/// impacts are. Runge–Kutta 4 loses (hω)⁶/72 a step; a hundredth is for that its last evaluation is where it nearly ends.
 #[test]
 fn what_springs_press_onto_something_gains_no_energy() {
     let all = [Onto::HalfSpace, Onto::Cuboid, Onto::PinnedBall, Onto::Ball];
-    for (scheme, all) in [(Integrator::SemiImplicitEuler, &all[..]), (Integrator::VelocityVerlet, &all[..2])]
-    {
-        for onto in all.iter().copied() {
+    for scheme in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet, Integrator::RungeKutta4] {
+        for onto in all {
             for share in [0.2, 0.5, 0.9_f32] {
                 for (rest, restitution) in [(-1.0, 1.0), (-0.2, 1.0), (0.3, 1.0), (-1.0, 0.8_f32)] {
                     let mut state = pressed(onto, rest, (60.0 * share).powi(2), restitution);
@@ -129,7 +129,12 @@ fn what_springs_press_onto_something_gains_no_energy() {
                         now.kinetic_energy + now.elastic_energy
                     };
                     let start = energy(&state);
-                    let limit = 1.1 * (1.0 + 0.5 * f64::from(share)) / (1.0 - 0.5 * f64::from(share));
+                    let half = 0.5 * f64::from(share);
+                    let limit = match scheme {
+                        Integrator::SemiImplicitEuler => 1.1 * (1.0 + half) / (1.0 - half),
+                        Integrator::VelocityVerlet => 1.1 / (1.0 - half * half),
+                        _ => 1.01,
+                    };
                     for tick in 0..600 {
                         state.step(&floating(scheme, restitution));
                         let part = energy(&state) / start;

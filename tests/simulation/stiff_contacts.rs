@@ -127,10 +127,11 @@ fn an_impact_stretches_at_most_twice_what_it_should() {
 /// half of n layers of springs carries at most the weight of all.
 #[test]
 fn a_net_at_rest_weighs_what_it_weighs() {
-    for (number, stiffness) in (0..SHAPES.len()).flat_map(|number| [1e5, 1e7, 1e9].map(|k| (number, k))) {
+    let shapes = (0..SHAPES.len()).flat_map(|number| [1e4, 1e5, 1e7, 1e9].map(|k| (number, k)));
+    for ((number, stiffness), ticks) in shapes.flat_map(|shape| [30, 60, 120].map(|ticks| (shape, ticks))) {
         let mut state = shape(number, stiffness, 0.05);
-        let settings = settings(1.0 / 60.0);
-        for _ in 0..600 {
+        let settings = settings(1.0 / ticks as f32);
+        for _ in 0..10 * ticks {
             state.step(&settings);
         }
         state.outputs_mut().record_contacts = true;
@@ -142,7 +143,7 @@ fn a_net_at_rest_weighs_what_it_weighs() {
         let carried = impulse / settings.time_step;
         assert!(
             (carried / weight - 1.0).abs() < 0.02,
-            "shape {number} k {stiffness:e} × {substeps}: {carried} {weight}"
+            "shape {number} k {stiffness:e}, 1/{ticks} s × {substeps}: {carried} {weight}"
         );
         let now = state.measure(settings.gravity);
         let least = f64::from(weight / stiffness / SPACING) + 4.0 * f64::from(f32::EPSILON / SPACING);
@@ -361,6 +362,7 @@ fn stiff_ropes_hold_each_other() {
 
 /// It comes to rest on the ball, hardly stretched, and has lost what the fall brought.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes unoptimised")]
 fn a_stiff_cloth_rests_on_a_ball() {
     let mut state = cloth_above_ball(1e6);
     let settings = colliding(0.0, 0.5, 1.0 / 60.0);

@@ -2,7 +2,8 @@
 
 use bevy::math::{Quat, Vec3};
 use bevy_mass_spring::solver::{
-    Collider, Integrator, Layers, Material, Shape, Skin, Solver, Spring, StepSettings, SubstepMode,
+    Collider, ContactProperties, Integrator, Layers, Material, Shape, Solver, Spring, StepSettings,
+    SubstepMode,
 };
 
 use crate::common::bodies::{Ball, GRAVITY, with_ground, world};
@@ -155,10 +156,13 @@ const ROD: usize = 1;
 
 /// Changes colliders or skins, runs a tick, and compares which particles are awake.
 #[track_caller]
-fn assert_change_wakes(slots: &[usize], change: impl FnOnce(&mut Vec<Collider>, &mut Vec<Skin>)) {
+fn assert_change_wakes(
+    slots: &[usize],
+    change: impl FnOnce(&mut Vec<Collider>, &mut Vec<ContactProperties>),
+) {
     let Asleep { mut solver, settings } = asleep_on_colliders();
     let inputs = solver.inputs_mut();
-    change(&mut inputs.colliders, &mut inputs.skins);
+    change(&mut inputs.colliders, &mut inputs.contact_properties);
     solver.step(&settings);
     let awake: Vec<usize> =
         [ON_TABLE, ON_PLAIN, STICK].into_iter().filter(|slot| !solver.is_asleep(*slot)).collect();
@@ -181,7 +185,7 @@ fn colliders_wake_what_they_touch_when_they_move_or_change() {
     assert_change_wakes(&[ON_TABLE], |colliders, _| colliders[TABLE].surface_velocity.x = 1.0);
     assert_change_wakes(&[STICK], |colliders, _| colliders[ROD].is_sensor = true);
     assert_change_wakes(&[ON_TABLE], |colliders, _| {
-        colliders[TABLE].layers = Layers { memberships: 0, filters: 0 };
+        colliders[TABLE].layers = Layers::new(0, 0);
     });
 }
 
@@ -213,13 +217,13 @@ fn a_collider_wakes_what_it_passes_through() {
 
 #[test]
 fn another_surface_of_a_particle_wakes_it() {
-    let slippery = Skin { material: Some(Material::default()), ..Skin::default() };
-    assert_change_wakes(&[ON_TABLE], |_, skins| skins.push(slippery));
-    assert_change_wakes(&[STICK], |_, skins| {
-        skins.resize(STICK, Skin::default());
-        skins.push(Skin { layers: Layers { memberships: 0, filters: 0 }, ..Skin::default() });
+    let slippery = ContactProperties { material: Some(Material::default()), ..ContactProperties::default() };
+    assert_change_wakes(&[ON_TABLE], |_, properties| properties.push(slippery));
+    assert_change_wakes(&[STICK], |_, properties| {
+        properties.resize(STICK, ContactProperties::default());
+        properties.push(ContactProperties { layers: Layers::new(0, 0), ..ContactProperties::default() });
     });
-    assert_change_wakes(&[], |_, skins| skins.resize(4, Skin::default()));
+    assert_change_wakes(&[], |_, properties| properties.resize(4, ContactProperties::default()));
 }
 
 /// A fan turns beside sleepers without touching them; a sensor, a lift and a conveyor keep awake what touches them.

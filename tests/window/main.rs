@@ -185,7 +185,9 @@ fn keys_control() -> Outcome {
         ),
         (KeyCode::KeyV, |viewer| viewer.resource::<Environment>().viscosity_enabled),
         (KeyCode::KeyC, |viewer| viewer.resource::<CollisionSettings>().ground),
-        (KeyCode::KeyO, |viewer| viewer.resource::<GizmoConfigStore>().config::<MassSpringGizmos>().1.planes),
+        (KeyCode::KeyO, |viewer| {
+            viewer.resource::<GizmoConfigStore>().config::<MassSpringGizmos>().1.colliders
+        }),
         (KeyCode::KeyO, |viewer| viewer.app.world().contains_resource::<Messages<Contact>>()),
     ] {
         let before = state(&viewer);

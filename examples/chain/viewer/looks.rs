@@ -40,7 +40,7 @@ pub fn plugin(app: &mut App) {
 fn draw_only_the_grip(mut store: ResMut<GizmoConfigStore>) {
     let (config, gizmos) = store.config_mut::<MassSpringGizmos>();
     config.line.width = 3.0;
-    (gizmos.particles, gizmos.springs, gizmos.planes) = (false, false, false);
+    (gizmos.particles, gizmos.springs, gizmos.colliders) = (false, false, false);
     gizmos.hovered_color = Color::srgb(1.0, 0.75, 0.1);
     gizmos.dragged_color = Color::srgb(1.0, 0.45, 0.0);
 }

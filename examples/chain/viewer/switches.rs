@@ -30,7 +30,7 @@ fn toggle_physics(
 fn toggle_contacts(keys: Res<ButtonInput<KeyCode>>, mut store: ResMut<GizmoConfigStore>) {
     if keys.just_pressed(KeyCode::KeyO) {
         let (_, gizmos) = store.config_mut::<MassSpringGizmos>();
-        let on = !(gizmos.planes || gizmos.contacts);
-        (gizmos.planes, gizmos.contacts) = (on, on);
+        let on = !(gizmos.colliders || gizmos.contacts);
+        (gizmos.colliders, gizmos.contacts) = (on, on);
     }
 }

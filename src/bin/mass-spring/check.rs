@@ -71,13 +71,8 @@ fn describe(scene: &MassSpringScene, text: &mut String) -> fmt::Result {
 fn in_kinds(nets: &[SceneNet]) -> String {
     let mut counts = [("rope", 0), ("cloth", 0), ("jelly", 0), ("balloon", 0)];
     for net in nets {
-        let kind = match net {
-            SceneNet::Rope { .. } => 0,
-            SceneNet::Cloth { .. } => 1,
-            SceneNet::Jelly { .. } => 2,
-            SceneNet::Balloon { .. } => 3,
-        };
-        counts[kind].1 += 1;
+        let entry = counts.iter_mut().find(|(kind, _)| *kind == net.kind());
+        entry.expect("the list has every kind").1 += 1;
     }
     let words = counts.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| match (*kind, *count) {
         (kind, 1) => format!("1 {kind}"),

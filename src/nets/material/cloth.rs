@@ -169,8 +169,10 @@ impl BalloonMaterial {
         retardation_time: 5e-3,
     };
 
-    /// An inflatable ball of soft PVC of 0.25 mm: density 1300 kg/m³, Young's modulus 10 MPa. Both go by the plasticiser:
-    /// makers of plasticised PVC state 1100 to 1450 kg/m³ and 1.5 to 15 MPa.
+    /// An inflatable ball of soft PVC of 0.25 mm: density 1300 kg/m³, Young's modulus 10 MPa. Both go by the plasticiser
+    /// and are chosen within the stated ranges: 1100 to 1450 kg/m³ for mouldings of flexible PVC (*Boletim Técnico nº 03
+    /// PVC: Propriedades de referência dos compostos de PVC*, rev. 1, July 2002), 1.5 to 15 MPa for soft PVC (Bewin
+    /// Plastics, a maker of PVC sheets, `bewinplastics.com/news-show-1038859.html`).
     pub const VINYL: Self = Self {
         area_density: 0.325,
         stretch_stiffness: 2.5e3,

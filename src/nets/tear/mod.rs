@@ -58,8 +58,8 @@ pub struct Split {
 /// bends go to the copies that have their triangles; a spring along an edge that opened is divided between both
 /// sides; bends across it are removed (their stiffness is 0 then). What gas it enclosed escapes. No energy is added.
 ///
-/// Springs that are not part of a surface, as in ropes and lattices, are removed (their stiffness is 0), with the bends
-/// over them. Numbers beyond the last spring count for nothing.
+/// Springs that are not part of a surface, as in ropes, and all of a [solid](Topology::is_solid) are removed (their
+/// stiffness is 0), with the bends over them. Numbers beyond the last spring count for nothing.
 ///
 /// # Panics
 /// If the topology names a particle without a position or velocity.
@@ -75,7 +75,8 @@ pub fn tear(
     let mut remains = Vec::new();
     for rupture in broken {
         let Some(&(ends, _)) = topology.springs.get(rupture.spring as usize) else { continue };
-        let copies = surface.link(&before, ends).map(|link| link.copies(&before, &topology.triangles, ends));
+        let link = surface.link(&before, ends).filter(|_| !topology.is_solid());
+        let copies = link.map(|link| link.copies(&before, &topology.triangles, ends));
         let Some(ends) = copies else {
             remove(topology, rupture.spring as usize);
             continue;
@@ -102,7 +103,7 @@ pub fn tear(
 }
 
 /// The piece that each particle belongs to, counted from 0 in the order of their first particles: what springs, bends
-/// and triangles join.
+/// and the triangles of a surface join. The triangles of a [solid](Topology::is_solid) hold nothing together.
 pub fn pieces(topology: &Topology) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..topology.positions.len() as u32).collect();
     let springs =
@@ -110,7 +111,8 @@ pub fn pieces(topology: &Topology) -> Vec<u32> {
     let springs = springs.map(|(ends, _)| &ends[..]);
     let rods = topology.rods.iter().filter(|(_, bend)| bend.stiffness > 0.0).map(|(ends, _)| &ends[..]);
     let hinges = topology.hinges.iter().filter(|(_, bend)| bend.stiffness > 0.0).map(|(ends, _)| &ends[..]);
-    let triangles = topology.triangles.iter().map(|corners| &corners[..]);
+    let joining = if topology.is_solid() { &[][..] } else { &topology.triangles[..] };
+    let triangles = joining.iter().map(|corners| &corners[..]);
     for ends in springs.chain(rods).chain(hinges).chain(triangles) {
         for pair in ends.windows(2) {
             let [one, other] = [pair[0], pair[1]].map(|end| root(&mut parent, end));

@@ -7,7 +7,7 @@
 use bevy::math::Vec3;
 
 use super::chain_search::ChainSearch;
-use super::chains::{Chain, Outlook, Proof};
+use super::chains::{Chain, ChainQuery, Proof};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -111,14 +111,14 @@ impl BroadPhase {
         search: &mut ChainSearch,
         particles: &Particles,
         exclusions: &Exclusions,
-        outlook: Outlook,
+        query: ChainQuery,
     ) {
         let Self { skins, chains, chain_links, pause: [left, whole], .. } = self;
         if *left > 0 {
             *left -= 1;
             chains.clear();
         } else {
-            search.find(particles, exclusions, skins, outlook, (chains, chain_links));
+            search.find(particles, exclusions, skins, query, (chains, chain_links));
             *whole = if chains.is_empty() { (2 * *whole).clamp(1, MAX_PAUSE) } else { 0 };
             *left = *whole;
         }
@@ -137,7 +137,7 @@ impl BroadPhase {
     }
 
     /// What all have moved by, about, m. (Any vector will do: skins and boxes are compared without it.)
-    pub fn common_way(&self, particles: &Particles) -> Vec3 {
+    pub fn common_displacement(&self, particles: &Particles) -> Vec3 {
         mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot))
     }
 
@@ -147,7 +147,7 @@ impl BroadPhase {
         if self.chains.is_empty() {
             return worst;
         }
-        let common = self.common_way(particles);
+        let common = self.common_displacement(particles);
         let Self { chains, chain_links: links, .. } = self;
         pulp::Arch::new().dispatch(CheckChains {
             chains,
@@ -169,7 +169,7 @@ impl BroadPhase {
         }
         let [x, y, z] = particles.position.axes();
         let [origin_x, origin_y, origin_z] = self.origins.axes();
-        let common = self.common_way(particles).to_array();
+        let common = self.common_displacement(particles).to_array();
         let moved = x.iter().zip(origin_x).zip(y.iter().zip(origin_y)).zip(z.iter().zip(origin_z));
         moved.zip(&self.skins).any(|((((x, from_x), (y, from_y)), (z, from_z)), skin)| {
             let moved = [x - from_x - common[0], y - from_y - common[1], z - from_z - common[2]];

@@ -8,7 +8,7 @@ use crate::solver::state::Version;
 use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
 use super::chain_search::ChainSearch;
-use super::chains::{Outlook, Proof, Sought};
+use super::chains::{ChainPurpose, ChainQuery, Proof};
 use super::grid::Grid;
 use super::list::List;
 use super::memory::ContactMemory;
@@ -73,27 +73,27 @@ impl Candidates {
             memory.wide = should_be_wide(memory.wide, memory.age);
         }
         if exceeded != Some(false) {
-            return self.renew(memory, contacts, (particles, previous), substep, Sought::ForSubsteps);
+            return self.renew(memory, contacts, (particles, previous), substep, ChainPurpose::ForSubsteps);
         }
         self.derive(memory, contacts, particles);
         self.version = Some(memory.version);
         self.ahead = true;
     }
 
-    /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `sought` are chains for it.
+    /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `purpose`: what for.
     pub fn renew(
         &mut self,
         memory: &mut ContactMemory,
         contacts: &mut PairContacts,
         (particles, previous): (&Particles, &Vectors),
         substep: Substep,
-        sought: Sought,
+        purpose: ChainPurpose,
     ) {
         self.store(memory, contacts);
         memory.age = 0;
-        self.search_anew(memory, particles, substep, sought);
+        self.search_anew(memory, particles, substep, purpose);
         self.recall(memory, contacts);
-        self.entangle(memory, particles, previous);
+        self.mark_initial_overlaps(memory, particles, previous);
         self.version = Some(memory.version);
         self.ahead = true;
     }
@@ -151,20 +151,20 @@ impl Candidates {
         memory: &mut ContactMemory,
         particles: &Particles,
         substep: Substep,
-        sought: Sought,
+        purpose: ChainPurpose,
     ) {
         let time_step = substep.settings.time_step;
         let ContactMemory { broad_phase, wide, crowded, .. } = memory;
         let broad_phase = broad_phase.get_or_insert_default();
         broad_phase.start(particles, substep.up());
         broad_phase.choose_skins(particles, &self.exclusions, (*wide, *crowded), time_step);
-        let outlook = Outlook {
+        let query = ChainQuery {
             time_step,
             substep: substep.duration,
             gravity: substep.settings.gravity.length(),
-            sought,
+            purpose,
         };
-        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, outlook);
+        broad_phase.find_chains(&mut self.chain_search, particles, &self.exclusions, query);
         self.search(broad_phase, particles);
         if !*crowded && self.found.len() > CROWDED_PAIRS * particles.len() {
             *crowded = true;
@@ -176,7 +176,7 @@ impl Candidates {
         self.sort_bottom_up(broad_phase, particles.radius());
     }
 
-    /// Finds the pairs of a search. Of those on springs all, as those that are entangled must be known.
+    /// Finds the pairs of a search. Of those on springs all, as those that overlap from the start must be known.
     fn search(&mut self, broad_phase: &BroadPhase, particles: &Particles) {
         let Self { grid, found, exclusions, .. } = self;
         let BroadPhase { origins, skins, .. } = broad_phase;
@@ -203,7 +203,7 @@ impl Candidates {
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::list::{Past, slots};
+    use super::super::list::{PairHistory, slots};
     use super::super::memory::RememberedContact;
     use super::super::pairs::Impulses;
     use super::*;
@@ -235,10 +235,18 @@ mod tests {
         fn refresh(&mut self, particles: &Particles) -> Vec<[u32; 2]> {
             let Self { memory, candidates, contacts, elements } = self;
             let settings = &StepSettings { gravity: Vec3::NEG_Y, time_step: 0.01, ..StepSettings::default() };
-            let (colliders, skins, acceleration) = (&[], &[], &Vectors::default());
+            let (colliders, properties, acceleration) = (&[], &[], &Vectors::default());
             let (integrator, duration, elapsed) = (Integrator::SemiImplicitEuler, 0.01, 1.0);
-            let substep =
-                Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed };
+            let substep = Substep {
+                elements,
+                colliders,
+                properties,
+                acceleration,
+                settings,
+                integrator,
+                duration,
+                elapsed,
+            };
             candidates.refresh(memory, contacts, particles, &particles.position, substep);
             // No narrow phase follows.
             candidates.ahead = false;
@@ -250,20 +258,20 @@ mod tests {
 
         /// The impulses that the pair of two slots had, if it touched.
         fn impulses(&self, slots: [u32; 2]) -> Option<Impulses> {
-            match self.past(slots) {
-                Past::Contact(contact) => Some(self.contacts.current[contact as usize].impulses),
+            match self.history(slots) {
+                PairHistory::Contact(contact) => Some(self.contacts.current[contact as usize].impulses),
                 _ => None,
             }
         }
 
-        fn past(&self, slots: [u32; 2]) -> Past {
+        fn history(&self, slots: [u32; 2]) -> PairHistory {
             let List { pairs, .. } = &self.candidates.list;
-            pairs[self.candidates.list.find(slots).expect("the pair is listed")].past
+            pairs[self.candidates.list.find(slots).expect("the pair is listed")].history
         }
     }
 
     #[test]
-    fn the_past_survives_searches_and_renumbering() {
+    fn the_history_survives_searches_and_renumbering() {
         let mut particles = row(1.0, 4);
         let mut pairs = Pairs::default();
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
@@ -290,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn new_particles_on_springs_are_entangled_with_what_they_overlap() {
+    fn new_particles_on_springs_do_not_collide_with_what_they_overlap() {
         let particles = row(0.9, 4);
         let mut pairs = Pairs::default();
         pairs.refresh(&particles);
@@ -298,14 +306,16 @@ mod tests {
         pairs.elements.push([1, 3], LONG);
         pairs.memory.request_search();
         assert_eq!(pairs.refresh(&particles), [[0, 1], [1, 2], [2, 3]]);
-        assert_eq!(pairs.past([0, 1]), Past::Apart, "neither is new");
+        assert_eq!(pairs.history([0, 1]), PairHistory::Apart, "neither is new");
         pairs.memory.clear_particle(0);
         pairs.refresh(&particles);
-        assert_eq!(pairs.past([0, 1]), Past::Entangled);
-        assert_eq!(pairs.past([1, 2]), Past::Apart);
+        assert_eq!(pairs.history([0, 1]), PairHistory::InitialOverlap);
+        assert_eq!(pairs.history([1, 2]), PairHistory::Apart);
         pairs.candidates.disable(&mut pairs.memory, 4);
         pairs.refresh(&particles);
-        assert!([[0, 1], [1, 2], [2, 3]].iter().all(|pair| pairs.past(*pair) == Past::Entangled));
+        assert!(
+            [[0, 1], [1, 2], [2, 3]].iter().all(|pair| pairs.history(*pair) == PairHistory::InitialOverlap)
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::ops::Range;
 use bevy::math::Vec3;
 
 use super::broad_phase::mean;
-use super::chains::{Chain, MAX_LENGTH, MIN_LENGTH, Outlook, Sought};
+use super::chains::{Chain, ChainPurpose, ChainQuery, MAX_LENGTH, MIN_LENGTH};
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -62,7 +62,7 @@ impl ChainSearch {
         particles: &Particles,
         exclusions: &Exclusions,
         skins: &[f32],
-        outlook: Outlook,
+        query: ChainQuery,
         (free, links): (&mut Vec<Chain>, &mut Vectors),
     ) {
         if !exclusions.any_sprung() {
@@ -83,7 +83,7 @@ impl ChainSearch {
         self.bounds.reserve(particles.len() + 1);
         self.keys.clear();
         self.keys.reserve(particles.len() + 1);
-        self.list_chains(particles, exclusions, outlook, (free, links));
+        self.list_chains(particles, exclusions, query, (free, links));
         free.clear();
         if self.chains.is_empty() {
             return;
@@ -91,7 +91,7 @@ impl ChainSearch {
         let common = mean(particles.len(), |slot| particles.velocity.get(slot));
         for ticks in BOX_TICKS {
             for (chain, is_free) in self.chains.iter_mut().filter(|(_, is_free)| !is_free) {
-                chain.make_box(particles, common, ticks, outlook);
+                chain.make_box(particles, common, ticks, query);
                 *is_free = true;
             }
             self.bound(particles, exclusions, skins);
@@ -110,7 +110,7 @@ impl ChainSearch {
         &mut self,
         particles: &Particles,
         exclusions: &Exclusions,
-        outlook: Outlook,
+        query: ChainQuery,
         (last, links): (&[Chain], &mut Vectors),
     ) {
         let (mut start, mut last) = (0, last.iter().peekable());
@@ -122,12 +122,12 @@ impl ChainSearch {
                 continue;
             }
             let collides_along = slots.clone().any(|slot| exclusions.is_covered(slot));
-            if collides_along && outlook.sought != Sought::ForTick {
+            if collides_along && query.purpose != ChainPurpose::ForTick {
                 continue;
             }
             while last.next_if(|last| last.slots().start < slots.start).is_some() {}
             let known = last.next_if(|last| last.slots() == slots);
-            if outlook.sought == Sought::ForTick {
+            if query.purpose == ChainPurpose::ForTick {
                 // Most need none of their play.
                 self.chains.push((known.copied().unwrap_or(Chain::new(slots)), false));
                 continue;
@@ -137,7 +137,7 @@ impl ChainSearch {
                 continue;
             }
             let mut chain = Chain::new(slots);
-            if chain.renew_play(particles, exclusions, outlook.substep) {
+            if chain.renew_play(particles, exclusions, query.substep) {
                 chain.note_links(&particles.position, links);
                 self.chains.push((chain, false));
             }
@@ -238,9 +238,13 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let mut links = Vectors::default();
         let (mut search, mut free, skins) = (ChainSearch::default(), Vec::new(), vec![0.004; 20]);
-        let outlook =
-            Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
-        search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
+        let query = ChainQuery {
+            time_step: 0.01,
+            substep: 0.0025,
+            gravity: 10.0,
+            purpose: ChainPurpose::ForSubsteps,
+        };
+        search.find(&particles, &exclusions, &skins, query, (&mut free, &mut links));
         assert_eq!((free.len(), free[0].slots()), (1, 0..20));
         let proofs = |particles: &Particles| free[0].proofs(&particles.position, &links, Vec3::ZERO);
         assert_eq!(proofs(&particles), [Proof::Holds; 2]);
@@ -262,9 +266,13 @@ mod tests {
         let (mut particles, exclusions) = rope(&straight);
         let (mut search, skins) = (ChainSearch::default(), vec![0.004; 20]);
         let (mut free, mut links) = (Vec::new(), Vectors::default());
-        let outlook =
-            Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
-        search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
+        let query = ChainQuery {
+            time_step: 0.01,
+            substep: 0.0025,
+            gravity: 10.0,
+            purpose: ChainPurpose::ForSubsteps,
+        };
+        search.find(&particles, &exclusions, &skins, query, (&mut free, &mut links));
         let first = links.clone();
         // Each link turns by 0.1 m · 2 sin(angle / 2), of a play of 0.06 m.
         for (angle, is_kept) in [(0.2_f32, true), (0.3, false)] {
@@ -272,7 +280,7 @@ mod tests {
             for slot in 0..20 {
                 particles.position.set(slot, Vec3::new(cos, sin, 0.0) * 0.1 * slot as f32);
             }
-            search.find(&particles, &exclusions, &skins, outlook, (&mut free, &mut links));
+            search.find(&particles, &exclusions, &skins, query, (&mut free, &mut links));
             assert_eq!(free.len(), 1);
             let mut present = first.clone();
             free[0].note_links(&particles.position, &mut present);
@@ -294,10 +302,14 @@ mod tests {
             }
             exclusions.rebuild(&particles, &elements, &[]);
             let (mut free, skins) = (Vec::new(), vec![0.004; 9]);
-            let outlook =
-                Outlook { time_step: 0.01, substep: 0.0025, gravity: 10.0, sought: Sought::ForSubsteps };
+            let query = ChainQuery {
+                time_step: 0.01,
+                substep: 0.0025,
+                gravity: 10.0,
+                purpose: ChainPurpose::ForSubsteps,
+            };
             let found = (&mut free, &mut Vectors::default());
-            ChainSearch::default().find(&particles, &exclusions, &skins, outlook, found);
+            ChainSearch::default().find(&particles, &exclusions, &skins, query, found);
             assert_eq!(free.len() == 1, is_free, "{height}");
         }
     }

@@ -143,7 +143,7 @@ impl Chain {
         particles: &Particles,
         common: Vec3,
         ticks: f32,
-        Outlook { time_step, substep, gravity, .. }: Outlook,
+        ChainQuery { time_step, substep, gravity, .. }: ChainQuery,
     ) {
         let (mut least, mut most) = ([Vec3::INFINITY; 2], [Vec3::NEG_INFINITY; 2]);
         let mut speed_squared = 0.0_f32;
@@ -227,21 +227,21 @@ impl pulp::WithSimd for Play<'_> {
     }
 }
 
-/// What chains are searched for.
+/// A search for chains.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Outlook {
+pub(super) struct ChainQuery {
     /// s.
     pub time_step: f32,
     /// s.
     pub substep: f32,
     /// m/s².
     pub gravity: f32,
-    pub sought: Sought,
+    pub purpose: ChainPurpose,
 }
 
-/// Which chains are searched for.
+/// What chains are searched for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sought {
+pub(super) enum ChainPurpose {
     /// Those of which no spheres touch each other.
     ForSubsteps,
     /// All that touch nothing else, whether they collide as spheres or along their links: whether they touch themselves is found in the tick.
@@ -279,9 +279,9 @@ pub(super) mod tests {
             let mut chain = Chain::new(0..count);
             chain.note_links(&origins, &mut links);
             (chain.least, chain.most) = (Vec3::splat(-0.5), Vec3::splat(0.1 * count as f32));
-            let check = |place: usize, way: Vec3| {
+            let check = |place: usize, displacement: Vec3| {
                 let mut moved = origins.clone();
-                moved.set(place, origins.get(place) + way);
+                moved.set(place, origins.get(place) + displacement);
                 keeps_within(&chain, (0, moved.axes()), &links, (Vec3::ZERO, Vec3::ZERO), 0.02)
             };
             for place in 0..count {

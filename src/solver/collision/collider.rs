@@ -62,16 +62,21 @@ impl Collider {
     }
 
     /// Where it is between two parts of the tick of `time_step` seconds.
-    pub(super) fn between(&self, [from, to]: [f32; 2], time_step: f32) -> Moment {
+    pub(super) fn between(&self, [from, to]: [f32; 2], time_step: f32) -> SubstepMotion {
         let Self { start, target, .. } = self;
         if !self.moves() {
             let place = Placement::new(*target);
-            return Moment { from: place, to: place, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO };
+            return SubstepMotion {
+                from: place,
+                to: place,
+                velocity: DVec3::ZERO,
+                angular_velocity: DVec3::ZERO,
+            };
         }
         let change = (target.rotation.as_dquat() * start.rotation.as_dquat().inverse()).normalize();
         let change = if change.w < 0.0 { -change } else { change };
         let time_step = f64::from(time_step);
-        Moment {
+        SubstepMotion {
             from: Placement::between(*start, *target, from.into()),
             to: Placement::between(*start, *target, to.into()),
             velocity: (target.point.as_dvec3() - start.point.as_dvec3()) / time_step,
@@ -80,9 +85,9 @@ impl Collider {
     }
 }
 
-/// A collider in a substep.
+/// The motion of a collider in a substep.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::solver) struct Moment {
+pub(in crate::solver) struct SubstepMotion {
     /// Where it is at the start of it, and at its end.
     pub from: Placement,
     pub to: Placement,
@@ -92,7 +97,7 @@ pub(in crate::solver) struct Moment {
     pub angular_velocity: DVec3,
 }
 
-impl Moment {
+impl SubstepMotion {
     /// Whether it does not move.
     pub fn is_at_rest(&self) -> bool {
         self.velocity == DVec3::ZERO && self.angular_velocity == DVec3::ZERO
@@ -119,7 +124,7 @@ pub(in crate::solver) struct Placed {
     pub numbers: Vec<u32>,
     /// What bounds each of them during the tick.
     pub bounds: Vec<Bounds>,
-    pub moments: Vec<Moment>,
+    pub motions: Vec<SubstepMotion>,
     /// The numbers of the solid half-spaces.
     pub planes: Vec<u32>,
     tree: MovingTree,
@@ -159,7 +164,7 @@ impl Placed {
         is_known &= place == self.numbers.len();
         self.numbers.truncate(place);
         self.bounds.truncate(place);
-        self.moments.truncate(place);
+        self.motions.truncate(place);
         self.resting.truncate(place);
         if !is_known {
             self.tree.refresh(&self.bounds);
@@ -168,17 +173,17 @@ impl Placed {
 
     /// Computes what is known of a collider at the start of a tick.
     fn place(&mut self, place: usize, number: u32, collider: &Collider, time_step: f32) {
-        let (bounds, moment) = (collider.bounds(), collider.between([0.0, 1.0], time_step));
+        let (bounds, motion) = (collider.bounds(), collider.between([0.0, 1.0], time_step));
         let resting = (!collider.moves()).then(|| (collider.shape.clone(), collider.start));
         if place == self.numbers.len() {
             self.numbers.push(number);
             self.bounds.push(bounds);
-            self.moments.push(moment);
+            self.motions.push(motion);
             self.resting.push(resting);
         } else {
             self.numbers[place] = number;
             self.bounds[place] = bounds;
-            self.moments[place] = moment;
+            self.motions[place] = motion;
             self.resting[place] = resting;
         }
     }
@@ -186,7 +191,7 @@ impl Placed {
     /// To be called when a substep between two parts of the tick begins.
     pub fn begin_substep(&mut self, colliders: &[Collider], parts: [f32; 2], time_step: f32) {
         for place in self.moving.iter().map(|place| *place as usize) {
-            self.moments[place] = colliders[self.numbers[place] as usize].between(parts, time_step);
+            self.motions[place] = colliders[self.numbers[place] as usize].between(parts, time_step);
         }
     }
 
@@ -196,17 +201,17 @@ impl Placed {
     }
 
     /// No point of a surface moves farther in the substep, m.
-    pub fn longest_way(&self, place: usize, colliders: &[Collider]) -> f32 {
+    pub fn max_displacement(&self, place: usize, colliders: &[Collider]) -> f32 {
         let collider = &colliders[self.numbers[place] as usize];
         if !collider.moves() {
             return 0.0;
         }
-        let Moment { from, to, .. } = self.moments[place];
-        // Columns of a rotation differ by the ways of points at a distance of 1 on the axes.
+        let SubstepMotion { from, to, .. } = self.motions[place];
+        // Columns of a rotation differ by the displacements of points at a distance of 1 on the axes.
         let turned =
             (to.rotation - from.rotation).to_cols_array().iter().map(|part| part * part).sum::<f64>();
-        let way = from.point.distance(to.point) + turned.sqrt() * f64::from(collider.shape.reach());
-        if way.is_nan() { f32::INFINITY } else { way as f32 * (1.0 + f32::EPSILON) }
+        let displacement = from.point.distance(to.point) + turned.sqrt() * f64::from(collider.shape.reach());
+        if displacement.is_nan() { f32::INFINITY } else { displacement as f32 * (1.0 + f32::EPSILON) }
     }
 
     /// Whether there are none.

@@ -27,7 +27,7 @@ pub(super) fn keeps_within(
     let links = [&along_x[slots.clone()], &along_y[slots.clone()], &along_z[slots]];
     let limit = play * play;
     let mut single = Extent::<1>::default();
-    single.add_room(positions.map(|axis| [axis[0]]), bounds);
+    single.add_clearance(positions.map(|axis| [axis[0]]), bounds);
     if count <= LANES {
         for place in 1..count {
             single.add([positions, links], place, bounds);
@@ -45,24 +45,24 @@ pub(super) fn keeps_within(
     [single.is_inside() && lanes.is_inside(), lanes.is_within(limit)]
 }
 
-/// By what a chain that leads on in a direction touches nothing of its own: each particle is ahead of the one before by at least a distance.
+/// A direction along which a chain is monotone, so that it touches nothing of its own: each particle is ahead of the one before by at least a distance.
 /// Then so are any two, and links that have no end in common.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Lead {
-    /// A unit vector; zero where the chain does not lead on.
+pub(super) struct MonotoneDirection {
+    /// A unit vector; zero where the chain is not known to be monotone.
     pub direction: Vec3,
     /// m.
-    pub distance: f32,
+    pub min_advance: f32,
 }
 
-/// Whether the centres of a chain less `common` are in its box grown by `margin`, and whether it leads on.
+/// Whether the centres of a chain less `common` are in its box grown by `margin`, and whether it is monotone.
 #[inline(always)]
-pub(super) fn leads_on<S: Simd>(
+pub(super) fn is_monotone<S: Simd>(
     simd: S,
     chain: &Chain,
     (first, [x, y, z]): Coordinates,
     (common, margin): (Vec3, Vec3),
-    lead: Lead,
+    monotone: MonotoneDirection,
 ) -> bool {
     let (least, most) = (chain.least + common - margin, chain.most + common + margin);
     let count = chain.slots().len();
@@ -76,24 +76,24 @@ pub(super) fn leads_on<S: Simd>(
     let lanes = S::F32_LANES;
     if count <= lanes {
         return (1..count).all(|place| {
-            let advance = lead.direction.dot(place_of(place) - place_of(place - 1));
-            is_inside(place_of(place)) && advance >= lead.distance
+            let advance = monotone.direction.dot(place_of(place) - place_of(place - 1));
+            is_inside(place_of(place)) && advance >= monotone.min_advance
         });
     }
     let splat = |vector: Vec3| vector.to_array().map(|value| simd.splat_f32s(value));
-    let (least, most, direction) = (splat(least), splat(most), splat(lead.direction));
+    let (least, most, direction) = (splat(least), splat(most), splat(monotone.direction));
     // The least distance to a side of the box, and that by which one is ahead of the one before; the sum is NaN if any of these is.
-    let [mut room, mut advance] = [simd.splat_f32s(f32::INFINITY); 2];
+    let [mut clearance, mut advance] = [simd.splat_f32s(f32::INFINITY); 2];
     let mut sum = simd.splat_f32s(0.0);
     let mut place = 1;
     loop {
         let mut ahead = simd.splat_f32s(0.0);
         for axis in 0..3 {
             let here = vector(simd, positions[axis], place);
-            let way = simd.sub_f32s(here, vector(simd, positions[axis], place - 1));
-            ahead = simd.add_f32s(ahead, simd.mul_f32s(direction[axis], way));
-            room = simd.min_f32s(room, simd.sub_f32s(here, least[axis]));
-            room = simd.min_f32s(room, simd.sub_f32s(most[axis], here));
+            let displacement = simd.sub_f32s(here, vector(simd, positions[axis], place - 1));
+            ahead = simd.add_f32s(ahead, simd.mul_f32s(direction[axis], displacement));
+            clearance = simd.min_f32s(clearance, simd.sub_f32s(here, least[axis]));
+            clearance = simd.min_f32s(clearance, simd.sub_f32s(most[axis], here));
         }
         (advance, sum) = (simd.min_f32s(advance, ahead), simd.add_f32s(sum, ahead));
         if place + lanes == count {
@@ -102,8 +102,8 @@ pub(super) fn leads_on<S: Simd>(
         // The last ones overlap those before.
         place = (place + lanes).min(count - lanes);
     }
-    let excess = simd.sub_f32s(advance, simd.splat_f32s(lead.distance));
-    simd.reduce_min_f32s(simd.min_f32s(room, excess)) >= 0.0 && !simd.reduce_sum_f32s(sum).is_nan()
+    let excess = simd.sub_f32s(advance, simd.splat_f32s(monotone.min_advance));
+    simd.reduce_min_f32s(simd.min_f32s(clearance, excess)) >= 0.0 && !simd.reduce_sum_f32s(sum).is_nan()
 }
 
 /// The vector of the numbers from a `place` on.
@@ -115,7 +115,7 @@ fn vector<S: Simd>(_: S, numbers: &[f32], place: usize) -> S::f32s {
 /// How much of what they may use particles of a chain have used, in lanes.
 struct Extent<const COUNT: usize> {
     /// The least distance to a side of the box, m: negative outside.
-    room: [f32; COUNT],
+    clearance: [f32; COUNT],
     /// The greatest square of the change of a link, m².
     change: [f32; COUNT],
     /// The sum of these squares: unlike what is the least or the greatest, NaN if any of them is.
@@ -124,7 +124,7 @@ struct Extent<const COUNT: usize> {
 
 impl<const COUNT: usize> Default for Extent<COUNT> {
     fn default() -> Self {
-        Self { room: [f32::INFINITY; COUNT], change: [0.0; COUNT], sum: [0.0; COUNT] }
+        Self { clearance: [f32::INFINITY; COUNT], change: [0.0; COUNT], sum: [0.0; COUNT] }
     }
 }
 
@@ -138,7 +138,7 @@ impl<const COUNT: usize> Extent<COUNT> {
         };
         let [x, y, z] = positions;
         let here = [lanes(x, place), lanes(y, place), lanes(z, place)];
-        self.add_room(here, bounds);
+        self.add_clearance(here, bounds);
         let mut change_squared = [0.0; COUNT];
         for axis in 0..3 {
             let (before, link) = (lanes(positions[axis], place - 1), lanes(links[axis], place));
@@ -156,13 +156,14 @@ impl<const COUNT: usize> Extent<COUNT> {
 
     #[expect(clippy::needless_range_loop, reason = "of plain loops the compiler makes vectors")]
     #[inline(always)]
-    fn add_room(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
+    fn add_clearance(&mut self, positions: [[f32; COUNT]; 3], [least, most]: [Vec3; 2]) {
         for axis in 0..3 {
             for lane in 0..COUNT {
                 let [below, above] =
                     [positions[axis][lane] - least[axis], most[axis] - positions[axis][lane]];
-                let room = if below < above { below } else { above };
-                self.room[lane] = if room < self.room[lane] { room } else { self.room[lane] };
+                let clearance = if below < above { below } else { above };
+                self.clearance[lane] =
+                    if clearance < self.clearance[lane] { clearance } else { self.clearance[lane] };
             }
         }
     }
@@ -170,7 +171,7 @@ impl<const COUNT: usize> Extent<COUNT> {
     /// Whether none is outside of the box, or NaN.
     #[inline(always)]
     fn is_inside(&self) -> bool {
-        self.room.iter().all(|room| *room >= 0.0) && !self.sum.iter().any(|sum| sum.is_nan())
+        self.clearance.iter().all(|clearance| *clearance >= 0.0) && !self.sum.iter().any(|sum| sum.is_nan())
     }
 
     /// Whether no square of a change is more than this, or NaN.

@@ -17,10 +17,10 @@ use bevy::math::{DVec3, Vec3, Vec3A};
 
 use super::collider::{Collider, Placed};
 use super::features::{Feature, sum, weigh};
-use super::material::{Skin, skin_of};
+use super::material::{ContactProperties, properties_of};
 use super::response::{Approach, Rebound};
-use super::shapes::{Arrival, Bounds, Deepest, Nearest, Ways};
-use super::touch::{Given, Touch};
+use super::shapes::{Arrival, Bounds, CornerPaths, Deepest, Nearest};
+use super::touch::{AccumulatedCorrection, Touch};
 use super::touch_search::{Search, rounding};
 use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
@@ -35,7 +35,7 @@ const CHUNKS_PER_PART: usize = 32;
 const MIN_SHARED: usize = 4096;
 
 /// The margin of a list, as a multiple of the longest displacement in a substep.
-const MARGIN_IN_WAYS: f32 = 8.0;
+const MARGIN_IN_DISPLACEMENTS: f32 = 8.0;
 
 /// What is added to that margin, as a fraction of the largest radius.
 const MARGIN_IN_RADII: f32 = 0.5;
@@ -59,9 +59,9 @@ pub(super) struct FeatureSearch {
     /// Where the particles were at the last search, m; none before the first of the tick.
     seen: Vectors,
     /// How far each particle has moved since, m, rounded up.
-    ways: Vec<f32>,
+    displacements: Vec<f32>,
     /// The longest displacement of a point of each collider, m, rounded up.
-    collider_ways: Vec<f32>,
+    collider_displacements: Vec<f32>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -79,7 +79,7 @@ struct Part {
 pub(super) struct Surroundings<'a> {
     pub colliders: &'a [Collider],
     pub placed: &'a Placed,
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
     /// Positions at the start of the substep, m.
     pub previous: &'a Vectors,
 }
@@ -110,8 +110,8 @@ struct Anchor {
     normal: DVec3,
 }
 
-/// What a look at a pair has found.
-enum Look {
+/// How near a feature is to a collider.
+enum Proximity {
     /// They are apart by so much for certain, m; what lies flat, nearly.
     Apart(f32),
     /// They touch, or will when they have moved by about so much, m.
@@ -132,25 +132,26 @@ impl FeatureSearch {
         if features.is_empty() {
             return;
         }
-        let longest = self.measure_ways(search);
+        let longest = self.measure_displacements(search);
         self.margin -= longest;
         // NaN is stale.
         let is_stale = self.margin.is_nan() || self.margin < 0.0;
         if is_stale {
             let radius = search.particles.radius().iter().copied().fold(0.0, f32::max);
-            self.margin = MARGIN_IN_WAYS * longest + MARGIN_IN_RADII * radius;
+            self.margin = MARGIN_IN_DISPLACEMENTS * longest + MARGIN_IN_RADII * radius;
         }
-        let (margin, ways) = (self.margin, [&self.ways[..], &self.collider_ways[..]]);
+        let (margin, displacements) =
+            (self.margin, [&self.displacements[..], &self.collider_displacements[..]]);
         let size = CHUNK * CHUNKS_PER_PART;
         self.parts.resize_with(features.len().div_ceil(size), Part::default);
         let parts = self.parts.iter_mut().zip(features.chunks(size)).zip((0..).step_by(size));
-        let Search { colliders, placed, skins, previous, particles, .. } = search;
-        let surroundings = Surroundings { colliders, placed, skins, previous };
+        let Search { colliders, placed, properties, previous, particles, .. } = search;
+        let surroundings = Surroundings { colliders, placed, properties, previous };
         parallel::for_each(parts, features.len() >= MIN_SHARED, |((part, features), first)| {
             if is_stale {
                 part.list(surroundings, particles, features, margin);
             }
-            part.find(search, (features, first), ways);
+            part.find(search, (features, first), displacements);
         });
         self.parts.iter_mut().for_each(|part| touches.append(&mut part.touches));
     }
@@ -187,24 +188,24 @@ impl FeatureSearch {
     ///
     /// What rests is pushed into a collider and out of it in each substep. So it is not by way of where it was when the substep
     /// began: what is apart by more than it has moved since the last search, is apart now.
-    fn measure_ways(&mut self, search: Search) -> f32 {
+    fn measure_displacements(&mut self, search: Search) -> f32 {
         let position = &search.particles.position;
         if self.seen.len() != position.len() {
             self.seen.copy_from(search.previous);
         }
         let [from, to] = [&self.seen, position].map(Vectors::axes);
-        self.ways.clear();
-        self.ways.extend((0..position.len()).map(|slot| {
+        self.displacements.clear();
+        self.displacements.extend((0..position.len()).map(|slot| {
             let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
             // What rounding may hide.
             (square(0) + square(1) + square(2)).sqrt() * (1.0 + 8.0 * f32::EPSILON)
         }));
-        let longest = self.ways.iter().copied().fold(0.0, f32::max);
+        let longest = self.displacements.iter().copied().fold(0.0, f32::max);
         self.seen.copy_from(position);
-        self.collider_ways.clear();
-        self.collider_ways.resize(search.placed.numbers.len(), 0.0);
+        self.collider_displacements.clear();
+        self.collider_displacements.resize(search.placed.numbers.len(), 0.0);
         for place in search.placed.moving() {
-            self.collider_ways[place] = search.placed.longest_way(place, search.colliders);
+            self.collider_displacements[place] = search.placed.max_displacement(place, search.colliders);
         }
         longest
     }
@@ -215,7 +216,7 @@ impl Part {
     fn list(&mut self, surroundings: Surroundings, particles: &Particles, features: &[Feature], margin: f32) {
         self.pairs.clear();
         self.anchors.clear();
-        let Surroundings { colliders, placed, skins, previous } = surroundings;
+        let Surroundings { colliders, placed, properties, previous } = surroundings;
         let bounds_of = |feature: &Feature| bounds_of(feature, previous, particles);
         for (first, chunk) in (0..).step_by(CHUNK).zip(features.chunks(CHUNK)) {
             let bounds = chunk.iter().map(bounds_of).fold(Bounds::EMPTY, Bounds::union);
@@ -225,7 +226,7 @@ impl Part {
             }
             for (feature, number) in chunk.iter().zip(first..) {
                 let own = bounds_of(feature);
-                let layers = skin_of(skins, feature.corners[0] as usize).layers;
+                let layers = properties_of(properties, feature.corners[0] as usize).layers;
                 for place in self.near.iter().copied() {
                     let collider = &colliders[placed.numbers[place as usize] as usize];
                     let clearance = own.distance(&placed.bounds[place as usize]);
@@ -242,13 +243,13 @@ impl Part {
         &mut self,
         search: Search,
         (features, first): (&[Feature], u32),
-        [ways, collider_ways]: [&[f32]; 2],
+        [displacements, collider_displacements]: [&[f32]; 2],
     ) {
         let Self { pairs, anchors, touches, .. } = self;
         for pair in pairs {
             let feature = &features[pair.feature as usize];
-            let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
-            pair.clearance -= a.max(b).max(c) + collider_ways[pair.place as usize];
+            let [a, b, c] = feature.corners.map(|slot| displacements[slot as usize]);
+            pair.clearance -= a.max(b).max(c) + collider_displacements[pair.place as usize];
             let is_known = pair.clearance > 0.0;
             if is_known && pair.anchor == Pair::NO_ANCHOR {
                 continue;
@@ -263,13 +264,13 @@ impl Part {
                 touches.extend(search.touch_at((feature, key), place, &anchors[pair.anchor as usize]));
                 continue;
             }
-            match search.look_at(feature, place) {
-                Look::Apart(clearance) => (pair.clearance, pair.anchor) = (clearance, Pair::NO_ANCHOR),
-                Look::Swept(anchor) => {
+            match search.proximity_of(feature, place) {
+                Proximity::Apart(clearance) => (pair.clearance, pair.anchor) = (clearance, Pair::NO_ANCHOR),
+                Proximity::Swept(anchor) => {
                     pair.anchor = Pair::NO_ANCHOR;
                     touches.extend(search.touch_at((feature, key), place, &anchor));
                 }
-                Look::Near(anchor, clearance) => {
+                Proximity::Near(anchor, clearance) => {
                     pair.clearance = clearance;
                     if pair.anchor == Pair::NO_ANCHOR {
                         pair.anchor = anchors.len() as u32;
@@ -284,7 +285,7 @@ impl Part {
     }
 }
 
-/// What bounds a feature and its way in the substep.
+/// What bounds a feature and its path in the substep.
 fn bounds_of(feature: &Feature, previous: &Vectors, particles: &Particles) -> Bounds {
     let mut bounds = Bounds::EMPTY;
     let mut radius = 0.0_f32;
@@ -297,26 +298,26 @@ fn bounds_of(feature: &Feature, previous: &Vectors, particles: &Particles) -> Bo
 }
 
 impl Search<'_> {
-    /// What of a feature is next to a collider.
-    fn look_at(&self, feature: &Feature, place: usize) -> Look {
+    /// How near a feature is to a collider now.
+    fn proximity_of(&self, feature: &Feature, place: usize) -> Proximity {
         let Search { colliders, placed, particles, .. } = *self;
         let apart = bounds_of(feature, self.previous, particles).distance(&placed.bounds[place]);
         if apart > 0.0 {
-            return Look::Apart(apart);
+            return Proximity::Apart(apart);
         }
         let corners = feature.corners.map(|slot| slot as usize);
         let positions = corners.map(|slot| particles.position.get(slot).as_dvec3());
         let radii = corners.map(|slot| f64::from(particles.radius()[slot]));
         let starts = corners.map(|slot| self.previous.get(slot).as_dvec3());
-        let moment = &placed.moments[place];
-        let local = positions.map(|position| moment.to.to_local(position));
-        let before = starts.map(|start| moment.from.to_local(start));
+        let motion = &placed.motions[place];
+        let local = positions.map(|position| motion.to.to_local(position));
+        let before = starts.map(|start| motion.from.to_local(start));
         let shape = &colliders[placed.numbers[place] as usize].shape;
-        let ways = Ways { from: before, to: local, count: feature.count };
-        if let Some(Arrival { normal, foot, weights, .. }) = shape.swept(&ways, radii) {
-            return Look::Swept(Anchor { weights, foot, normal });
+        let paths = CornerPaths { from: before, to: local, count: feature.count };
+        if let Some(Arrival { normal, foot, weights, .. }) = shape.swept(&paths, radii) {
+            return Proximity::Swept(Anchor { weights, foot, normal });
         }
-        let within = rounding(positions[0], radii[0], moment.to.point);
+        let within = rounding(positions[0], radii[0], motion.to.point);
         let radius = weigh(radii, [1.0 / 3.0; 3]);
         let unseen = UNSEEN_IN_RADII * radius + UNSEEN;
         let reach = within + unseen;
@@ -324,16 +325,16 @@ impl Search<'_> {
             2 => shape.deepest_on_edge([local[0], local[1]], [radii[0], radii[1]], reach),
             _ => shape.deepest_on_triangle(local, radii, reach),
         };
-        let rounded_down = |way: f64| way as f32 * (1.0 - f32::EPSILON);
+        let rounded_down = |displacement: f64| displacement as f32 * (1.0 - f32::EPSILON);
         match found {
             Ok(Deepest { weights, gap, nearest: Nearest { distance, normal }, .. }) => {
                 let foot = sum(local, weights) - normal * distance;
-                Look::Near(
+                Proximity::Near(
                     Anchor { weights, foot, normal },
                     rounded_down((gap - 2.0 * within).max(HELD_IN_RADII * radius)),
                 )
             }
-            Err(least) => Look::Apart(rounded_down((least - 2.0 * within).max(unseen))),
+            Err(least) => Proximity::Apart(rounded_down((least - 2.0 * within).max(unseen))),
         }
     }
 
@@ -344,14 +345,14 @@ impl Search<'_> {
         // After those of the particles.
         let key = 1 << 63 | u64::from(key) << 32 | u64::from(number);
         let collider = &self.colliders[number as usize];
-        let moment = &self.placed.moments[place];
+        let motion = &self.placed.motions[place];
         let slots = feature.corners.map(|slot| slot as usize);
         let of = |vectors: &Vectors| sum(slots.map(|slot| vectors.get(slot).as_dvec3()), weights);
         let point = of(&self.particles.position);
         let radius = weigh(slots.map(|slot| f64::from(self.particles.radius()[slot])), weights);
-        let normal = moment.to.direction(&collider.shape, normal);
-        let gap = (point - moment.to.to_world(foot)).dot(normal) - radius;
-        if gap.is_nan() || gap > rounding(point, radius, moment.to.point) {
+        let normal = motion.to.direction(&collider.shape, normal);
+        let gap = (point - motion.to.to_world(foot)).dot(normal) - radius;
+        if gap.is_nan() || gap > rounding(point, radius, motion.to.point) {
             return None;
         }
         let inverse = slots.map(|slot| f64::from(self.particles.inverse_mass()[slot]));
@@ -359,8 +360,9 @@ impl Search<'_> {
         if mobility <= 0.0 {
             return None;
         }
-        let surface_velocity = moment.velocity_at(collider, point - normal * (gap + radius));
-        let [restitution, friction] = collider.material.between(skin_of(self.skins, slots[0]).material);
+        let surface_velocity = motion.velocity_at(collider, point - normal * (gap + radius));
+        let [restitution, friction] =
+            collider.material.between(properties_of(self.properties, slots[0]).material);
         let rebound = Rebound { restitution, ..self.rebound };
         let target_velocity = rebound.least_velocity_after(Approach {
             velocity: (of(&self.particles.velocity) - surface_velocity).dot(normal) as f32,
@@ -388,7 +390,7 @@ impl Search<'_> {
             friction,
             mass: (1.0 / mobility) as f32,
             impulse: 0.0,
-            given: Given::default(),
+            accumulated: AccumulatedCorrection::default(),
             key,
         })
     }

@@ -12,8 +12,8 @@ use std::ops::{ControlFlow, Range};
 
 use bevy::math::{IVec3, Vec3, Vec4};
 
+use super::all_pairs::AllPairs;
 use super::cells::{Label, Row, bucket, cell_of};
-use super::few::Few;
 use crate::solver::parallel;
 use crate::solver::particles::Vectors;
 
@@ -32,7 +32,7 @@ const CROWDED_PARTNERS: usize = 10;
 const MAX_SMALLER_PARTNERS: usize = 4096;
 
 /// Number of spheres up to which all are tested against all.
-const MAX_FEW: usize = 256;
+const MAX_TESTED_AGAINST_ALL: usize = 256;
 
 /// Number of size classes: one for each exponent of an f32.
 const CLASSES: usize = 256;
@@ -70,7 +70,7 @@ pub(super) struct Grid {
     counts: Vec<u32>,
     searches: Vec<Search>,
     unsorted: Vec<(Sphere, Label)>,
-    few: Few,
+    all_pairs: AllPairs,
     /// The spheres in the order of their buckets: centers and reaches, padded for whole vectors at the end.
     centers: Vectors,
     reach: Vec<f32>,
@@ -100,7 +100,7 @@ impl Grid {
         self.unsorted.extend(spheres.map(|(slot, center, reach)| {
             (Sphere { center, reach }, Label { slot, class: 0, cell: IVec3::ZERO })
         }));
-        if self.unsorted.len() <= MAX_FEW {
+        if self.unsorted.len() <= MAX_TESTED_AGAINST_ALL {
             self.find_few(may_collide, is_limited, pairs);
             return;
         }
@@ -186,11 +186,11 @@ impl Grid {
         pairs: &mut Vec<(u32, u32)>,
     ) {
         pairs.clear();
-        self.few
+        self.all_pairs
             .set(self.unsorted.iter().map(|(Sphere { center, reach }, label)| (label.slot, *center, *reach)));
         // The first sphere of the last pair, and the number of pairs before its own.
         let (mut last, mut before) = (0, 0);
-        self.few.for_each_pair(|one, [a, b]| {
+        self.all_pairs.for_each_pair(|one, [a, b]| {
             if one != last {
                 (last, before) = (one, pairs.len());
             }

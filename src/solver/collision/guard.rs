@@ -10,18 +10,18 @@
 
 use bevy::math::{DVec3, Vec3A};
 
-use super::collider::{Collider, Moment};
+use super::collider::{Collider, SubstepMotion};
 use super::feature_search::{FeatureSearch, Surroundings};
 use super::features::{Feature, sum};
-use super::material::skin_of;
-use super::shapes::{Arrival, Ways};
+use super::material::properties_of;
+use super::shapes::{Arrival, CornerPaths};
 use super::touch_search::rounding;
 use crate::solver::particles::{Particles, Vectors};
 
 /// Distance that is always left between a feature and a collider, as a fraction of the radius of the feature.
-const LEAST_PART: f64 = 0.1;
+const MIN_DISTANCE_PART: f64 = 0.1;
 
-/// See [`longest_slow_way`].
+/// See [`max_slow_displacement`].
 const FOLLOWED_PART: f32 = 0.5;
 
 /// Number of first rounds, in which features are pushed out at the contact point.
@@ -41,7 +41,7 @@ const VELOCITY_ITERATIONS: usize = 32;
 
 /// What a substep has of the surroundings.
 #[derive(Clone, Copy)]
-pub(super) struct Around<'a> {
+pub(super) struct GuardContext<'a> {
     pub features: &'a [Feature],
     pub surroundings: Surroundings<'a>,
     /// Below this speed nothing rebounds, m/s.
@@ -52,20 +52,20 @@ pub(super) struct Around<'a> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Guard {
     /// Displacement up to which no feature is followed in this tick, m.
-    slow_way: Option<f32>,
+    slow_displacement: Option<f32>,
     /// How far each particle moves in the substep, m.
-    ways: Vec<f32>,
+    displacements: Vec<f32>,
     /// The numbers of the features and the places of the colliders that are followed.
     pairs: Vec<[u32; 2]>,
     /// By slot: whether it was stopped in this round, or in the one before.
     is_new: [Vec<bool>; 2],
     stopped: Vec<u32>,
-    met: Vec<Met>,
+    impacts: Vec<Impact>,
 }
 
-/// A feature that was stopped.
+/// The impact of a feature that was pushed out.
 #[derive(Debug, Clone, Copy)]
-struct Met {
+struct Impact {
     slots: [usize; 3],
     count: usize,
     weights: [f32; 3],
@@ -83,7 +83,7 @@ impl Guard {
 
     /// To be called when a tick begins.
     pub fn begin_tick(&mut self) {
-        self.slow_way = None;
+        self.slow_displacement = None;
         self.stopped.clear();
     }
 
@@ -93,22 +93,27 @@ impl Guard {
     }
 
     /// Stops the features that would pass through a collider; whether there were any.
-    pub fn stop(&mut self, around: Around, search: &mut FeatureSearch, particles: &mut Particles) -> bool {
-        if around.features.is_empty() {
+    pub fn stop(
+        &mut self,
+        context: GuardContext,
+        search: &mut FeatureSearch,
+        particles: &mut Particles,
+    ) -> bool {
+        if context.features.is_empty() {
             return false;
         }
-        self.list_pairs(around, search, particles);
+        self.list_pairs(context, search, particles);
         if self.pairs.is_empty() {
             return false;
         }
-        self.met.clear();
+        self.impacts.clear();
         for flags in &mut self.is_new {
             flags.clear();
             flags.resize(particles.len(), false);
         }
         let known = self.stopped.len();
         for round in 0..MAX_ROUNDS {
-            if !self.go_round(around, particles, round) {
+            if !self.run_round(context, particles, round) {
                 break;
             }
         }
@@ -117,14 +122,14 @@ impl Guard {
     }
 
     /// Lists the features that are fast, and the colliders that are near them.
-    fn list_pairs(&mut self, around: Around, search: &mut FeatureSearch, particles: &Particles) {
-        let Around { features, surroundings, .. } = around;
+    fn list_pairs(&mut self, context: GuardContext, search: &mut FeatureSearch, particles: &Particles) {
+        let GuardContext { features, surroundings, .. } = context;
         let Surroundings { colliders, placed, previous, .. } = surroundings;
-        let Self { ways, pairs, .. } = self;
+        let Self { displacements, pairs, .. } = self;
         pairs.clear();
         let [from, to] = [previous, &particles.position].map(Vectors::axes);
-        ways.clear();
-        ways.extend((0..particles.len()).map(|slot| {
+        displacements.clear();
+        displacements.extend((0..particles.len()).map(|slot| {
             let square = |axis: usize| (to[axis][slot] - from[axis][slot]).powi(2);
             (square(0) + square(1) + square(2)).sqrt()
         }));
@@ -132,36 +137,36 @@ impl Guard {
             let [a, b, c] = feature.corners.map(|slot| particles.radius()[slot as usize]);
             a.min(b).min(c)
         };
-        let collider_way = placed.moving().map(|place| placed.longest_way(place, colliders));
-        let collider_way = collider_way.fold(0.0, f32::max);
+        let collider_displacement = placed.moving().map(|place| placed.max_displacement(place, colliders));
+        let collider_displacement = collider_displacement.fold(0.0, f32::max);
         let thickness =
             |place: usize| colliders[placed.numbers[place] as usize].shape.half_thickness() as f32;
-        let slow_way = *self.slow_way.get_or_insert_with(|| {
+        let slow_displacement = *self.slow_displacement.get_or_insert_with(|| {
             let thinnest = (0..placed.numbers.len()).map(thickness).fold(f32::INFINITY, f32::min);
-            let each = features.iter().map(|feature| longest_slow_way(radius(feature), thinnest));
+            let each = features.iter().map(|feature| max_slow_displacement(radius(feature), thinnest));
             each.fold(f32::INFINITY, f32::min)
         });
-        if ways.iter().copied().fold(0.0, f32::max) + collider_way <= slow_way {
+        if displacements.iter().copied().fold(0.0, f32::max) + collider_displacement <= slow_displacement {
             return;
         }
-        let own_way = |feature: &Feature| {
-            let [a, b, c] = feature.corners.map(|slot| ways[slot as usize]);
+        let own_displacement = |feature: &Feature| {
+            let [a, b, c] = feature.corners.map(|slot| displacements[slot as usize]);
             a.max(b).max(c)
         };
         search.for_each_near(features, surroundings, particles, |number, place| {
             let feature = &features[number as usize];
-            let way = own_way(feature) + placed.longest_way(place, colliders);
-            if way > longest_slow_way(radius(feature), thickness(place)) {
+            let displacement = own_displacement(feature) + placed.max_displacement(place, colliders);
+            if displacement > max_slow_displacement(radius(feature), thickness(place)) {
                 pairs.push([number, place as u32]);
             }
         });
     }
 
     /// Stops those that come too near, in their order; whether there were any.
-    fn go_round(&mut self, around: Around, particles: &mut Particles, round: u32) -> bool {
-        let Around { features, surroundings, .. } = around;
+    fn run_round(&mut self, context: GuardContext, particles: &mut Particles, round: u32) -> bool {
+        let GuardContext { features, surroundings, .. } = context;
         let Surroundings { colliders, placed, previous, .. } = surroundings;
-        let Self { pairs, is_new, stopped, met, .. } = self;
+        let Self { pairs, is_new, stopped, impacts, .. } = self;
         is_new.swap(0, 1);
         is_new[0].fill(false);
         let mut any = false;
@@ -174,33 +179,38 @@ impl Guard {
             if slots.iter().all(|slot| particles.is_pinned(*slot)) {
                 continue;
             }
-            let moment = &placed.moments[place];
+            let motion = &placed.motions[place];
             let positions = slots.map(|slot| particles.position.get(slot).as_dvec3());
-            let ways = Ways {
-                from: slots.map(|slot| moment.from.to_local(previous.get(slot).as_dvec3())),
-                to: positions.map(|position| moment.to.to_local(position)),
+            let paths = CornerPaths {
+                from: slots.map(|slot| motion.from.to_local(previous.get(slot).as_dvec3())),
+                to: positions.map(|position| motion.to.to_local(position)),
                 count: feature.count,
             };
             let radius = slots.map(|slot| f64::from(particles.radius()[slot]));
             let radius = radius[0].min(radius[1]).min(radius[2]);
-            let least = (LEAST_PART * radius).max(4.0 * rounding(positions[0], radius, moment.to.point));
+            let least =
+                (MIN_DISTANCE_PART * radius).max(4.0 * rounding(positions[0], radius, motion.to.point));
             let collider = &colliders[placed.numbers[place] as usize];
-            let Some(arrival) = collider.shape.arrival(&ways, least) else { continue };
+            let Some(arrival) = collider.shape.arrival(&paths, least) else { continue };
             any = true;
             let kept = radius.max(arrival.limit);
-            let mut answer = Answer { ways, arrival, kept, collider, moment, slots, particles };
+            let mut intrusion = Intrusion { paths, arrival, kept, collider, motion, slots, particles };
             if round < PUSHING_ROUNDS {
-                answer.push();
-                met.push(around.meet((feature, place), &arrival, particles));
+                intrusion.push();
+                impacts.push(context.impact_of((feature, place), &arrival, particles));
             } else if round < PUSHING_ROUNDS + LIFTING_ROUNDS {
-                for corner in answer.lift() {
+                for corner in intrusion.lift() {
                     let mut weights = [0.0; 3];
                     weights[corner] = 1.0;
-                    met.push(around.meet((feature, place), &Arrival { weights, ..arrival }, particles));
+                    impacts.push(context.impact_of(
+                        (feature, place),
+                        &Arrival { weights, ..arrival },
+                        particles,
+                    ));
                 }
             } else {
                 let may_move_partly = round < PUSHING_ROUNDS + LIFTING_ROUNDS + STOPPING_ROUNDS;
-                answer.stop(if may_move_partly { arrival.time } else { 0.0 });
+                intrusion.stop(if may_move_partly { arrival.time } else { 0.0 });
             }
             for slot in slots.into_iter().filter(|slot| !particles.is_pinned(*slot)) {
                 is_new[0][slot] = true;
@@ -214,19 +224,20 @@ impl Guard {
     fn solve_velocities(&self, particles: &mut Particles) {
         for _ in 0..VELOCITY_ITERATIONS {
             let mut any = false;
-            for met in &self.met {
-                let inverse_mass = met.slots.map(|slot| particles.inverse_mass()[slot]);
-                let yields: f32 =
-                    (0..met.count).map(|corner| met.weights[corner].powi(2) * inverse_mass[corner]).sum();
-                let missing = met.target_velocity - met.speed(particles);
-                if missing.is_nan() || missing <= 1e-6 * met.target_velocity.abs() || yields == 0.0 {
+            for impact in &self.impacts {
+                let inverse_mass = impact.slots.map(|slot| particles.inverse_mass()[slot]);
+                let yields: f32 = (0..impact.count)
+                    .map(|corner| impact.weights[corner].powi(2) * inverse_mass[corner])
+                    .sum();
+                let missing = impact.target_velocity - impact.speed(particles);
+                if missing.is_nan() || missing <= 1e-6 * impact.target_velocity.abs() || yields == 0.0 {
                     continue;
                 }
                 any = true;
-                let corners = met.slots.iter().zip(met.weights).zip(inverse_mass).take(met.count);
+                let corners = impact.slots.iter().zip(impact.weights).zip(inverse_mass).take(impact.count);
                 for ((slot, weight), inverse_mass) in corners {
                     let velocity = Vec3A::from(particles.velocity.get(*slot));
-                    let velocity = velocity + met.normal * (missing * weight * inverse_mass / yields);
+                    let velocity = velocity + impact.normal * (missing * weight * inverse_mass / yields);
                     particles.velocity.set(*slot, velocity.into());
                 }
             }
@@ -238,60 +249,60 @@ impl Guard {
 }
 
 /// A feature that would come too near to a collider.
-struct Answer<'a> {
-    ways: Ways,
+struct Intrusion<'a> {
+    paths: CornerPaths,
     arrival: Arrival,
     /// How far from the shape it is put, m: where it touches it.
     kept: f64,
     collider: &'a Collider,
-    moment: &'a Moment,
+    motion: &'a SubstepMotion,
     slots: [usize; 3],
     particles: &'a mut Particles,
 }
 
-impl Answer<'_> {
+impl Intrusion<'_> {
     /// Puts the free corners where they are to end, in the axes of the shape.
     fn put(&mut self, place: impl Fn(usize) -> Option<DVec3>) {
-        for corner in 0..self.ways.count {
+        for corner in 0..self.paths.count {
             let slot = self.slots[corner];
             if let Some(local) = place(corner).filter(|_| !self.particles.is_pinned(slot)) {
-                self.particles.position.set(slot, self.moment.to.to_world(local).as_vec3());
+                self.particles.position.set(slot, self.motion.to.to_world(local).as_vec3());
             }
         }
     }
 
     /// Pushes it out at the point that meets the shape, each corner by its share.
     fn push(&mut self) {
-        let Self { ways, arrival, .. } = *self;
+        let Self { paths, arrival, .. } = *self;
         let inverse_mass = self.slots.map(|slot| f64::from(self.particles.inverse_mass()[slot]));
         let share = |corner: usize| arrival.weights[corner] * inverse_mass[corner];
-        let yields: f64 = (0..ways.count).map(|corner| arrival.weights[corner] * share(corner)).sum();
-        let height = (sum(ways.to, arrival.weights) - arrival.foot).dot(arrival.normal);
+        let yields: f64 = (0..paths.count).map(|corner| arrival.weights[corner] * share(corner)).sum();
+        let height = (sum(paths.to, arrival.weights) - arrival.foot).dot(arrival.normal);
         let push = ((self.kept - height) / yields).max(0.0);
         if push.is_finite() {
-            self.put(|corner| Some(ways.to[corner] + arrival.normal * (push * share(corner))));
+            self.put(|corner| Some(paths.to[corner] + arrival.normal * (push * share(corner))));
         }
     }
 
     /// Lifts each corner above the plane between it and the shape; those that were below it.
     fn lift(&mut self) -> impl Iterator<Item = usize> + use<> {
-        let Self { ways, arrival, kept, .. } = *self;
+        let Self { paths, arrival, kept, .. } = *self;
         let missing = move |corner: usize| {
-            let height = (ways.to[corner] - arrival.foot).dot(arrival.normal);
+            let height = (paths.to[corner] - arrival.foot).dot(arrival.normal);
             Some(kept - height).filter(|missing| *missing > 0.0)
         };
-        self.put(|corner| Some(ways.to[corner] + arrival.normal * missing(corner)?));
-        (0..ways.count).filter(move |corner| missing(*corner).is_some())
+        self.put(|corner| Some(paths.to[corner] + arrival.normal * missing(corner)?));
+        (0..paths.count).filter(move |corner| missing(*corner).is_some())
     }
 
     /// Has it go the part `time` of its way, relative to the collider, and as fast.
     fn stop(&mut self, time: f64) {
-        let ways = self.ways;
-        self.put(|corner| Some(ways.from[corner].lerp(ways.to[corner], time)));
-        for slot in self.slots[..ways.count].iter().copied() {
+        let paths = self.paths;
+        self.put(|corner| Some(paths.from[corner].lerp(paths.to[corner], time)));
+        for slot in self.slots[..paths.count].iter().copied() {
             if !self.particles.is_pinned(slot) {
                 let position = self.particles.position.get(slot).as_dvec3();
-                let surface = self.moment.velocity_at(self.collider, position);
+                let surface = self.motion.velocity_at(self.collider, position);
                 let velocity = self.particles.velocity.get(slot).as_dvec3();
                 self.particles.velocity.set(slot, surface.lerp(velocity, time).as_vec3());
             }
@@ -299,7 +310,7 @@ impl Answer<'_> {
     }
 }
 
-impl Met {
+impl Impact {
     /// The velocity along the normal, relative to the surface, m/s.
     fn speed(&self, particles: &Particles) -> f32 {
         let each = (0..self.count)
@@ -308,16 +319,21 @@ impl Met {
     }
 }
 
-impl Around<'_> {
+impl GuardContext<'_> {
     /// The impact of a feature that was stopped.
-    fn meet(&self, (feature, place): (&Feature, usize), arrival: &Arrival, particles: &Particles) -> Met {
-        let Surroundings { colliders, placed, skins, .. } = self.surroundings;
-        let moment = &placed.moments[place];
+    fn impact_of(
+        &self,
+        (feature, place): (&Feature, usize),
+        arrival: &Arrival,
+        particles: &Particles,
+    ) -> Impact {
+        let Surroundings { colliders, placed, properties, .. } = self.surroundings;
+        let motion = &placed.motions[place];
         let collider = &colliders[placed.numbers[place] as usize];
         let slots = feature.corners.map(|slot| slot as usize);
-        let normal: DVec3 = moment.to.direction(&collider.shape, arrival.normal);
-        let surface_velocity = moment.velocity_at(collider, moment.to.to_world(arrival.foot));
-        let met = Met {
+        let normal: DVec3 = motion.to.direction(&collider.shape, arrival.normal);
+        let surface_velocity = motion.velocity_at(collider, motion.to.to_world(arrival.foot));
+        let impact = Impact {
             slots,
             count: feature.count,
             weights: arrival.weights.map(|weight| weight as f32),
@@ -325,14 +341,14 @@ impl Around<'_> {
             surface_velocity: Vec3A::from(surface_velocity.as_vec3()),
             target_velocity: 0.0,
         };
-        let [restitution, _] = collider.material.between(skin_of(skins, slots[0]).material);
-        let rebound = -restitution * met.speed(particles);
-        Met { target_velocity: if rebound > self.resting_speed { rebound } else { 0.0 }, ..met }
+        let [restitution, _] = collider.material.between(properties_of(properties, slots[0]).material);
+        let rebound = -restitution * impact.speed(particles);
+        Impact { target_velocity: if rebound > self.resting_speed { rebound } else { 0.0 }, ..impact }
     }
 }
 
 /// Displacement up to which a feature is not followed, m: it leads to half of what is always left, or, without a radius, to half the
 /// thickness of the collider, from where contacts push it out on the right side.
-fn longest_slow_way(radius: f32, half_thickness: f32) -> f32 {
-    FOLLOWED_PART * if radius > 0.0 { LEAST_PART as f32 * radius } else { half_thickness }
+fn max_slow_displacement(radius: f32, half_thickness: f32) -> f32 {
+    FOLLOWED_PART * if radius > 0.0 { MIN_DISTANCE_PART as f32 * radius } else { half_thickness }
 }

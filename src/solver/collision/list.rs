@@ -8,14 +8,14 @@ use crate::solver::particles::Vectors;
 
 /// What is known of a pair from the substep before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Past {
+pub(super) enum PairHistory {
     /// It did not touch.
     Apart,
     /// It touched: the index of its contact.
     Contact(u32),
     /// Both particles are on springs, and they have overlapped ever since one of them was new. Such a
     /// pair does not collide: to part it would stretch the springs, with energy from nowhere.
-    Entangled,
+    InitialOverlap,
 }
 
 /// A pair of bodies that may touch.
@@ -25,7 +25,7 @@ pub(super) struct Candidate {
     pub lower: u32,
     /// The upper body.
     pub upper: u32,
-    pub past: Past,
+    pub history: PairHistory,
 }
 
 /// Pairs, and where each of them is.
@@ -64,7 +64,7 @@ impl List {
         heights.clear();
         heights.extend((0..origins.len()).map(|slot| origins.get(slot).dot(up)));
         keys.resize(found.len(), 0);
-        pairs.resize(found.len(), Candidate { lower: 0, upper: 0, past: Past::Apart });
+        pairs.resize(found.len(), Candidate { lower: 0, upper: 0, history: PairHistory::Apart });
         let height = |slot: u32| heights[slot as usize];
         let body = |slot: u32| regions.body_of[slot as usize];
         groups.for_each_list((&mut keys[..], &mut pairs[..]), |group, (keys, pairs)| {
@@ -79,7 +79,7 @@ impl List {
             for (pair, key) in pairs.iter_mut().zip(keys) {
                 let (a, b) = found[*key as u32 as usize];
                 let (lower, upper) = if height(b) < height(a) { (b, a) } else { (a, b) };
-                *pair = Candidate { lower: body(lower), upper: body(upper), past: Past::Apart };
+                *pair = Candidate { lower: body(lower), upper: body(upper), history: PairHistory::Apart };
             }
         });
     }

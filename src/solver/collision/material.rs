@@ -13,6 +13,7 @@ use crate::solver::settings::PairRules;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serialize", reflect(Serialize, Deserialize))]
 #[reflect(Default, Debug, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum CombineRule {
     /// Their mean.
     #[default]
@@ -81,16 +82,50 @@ pub struct Layers {
     pub memberships: u32,
     /// Those that it touches.
     pub filters: u32,
+    /// What it does not touch whatever its layers.
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub exemptions: Exemptions,
 }
 
 impl Layers {
     /// In all layers, and touching all.
-    pub const ALL: Self = Self { memberships: u32::MAX, filters: u32::MAX };
+    pub const ALL: Self = Self::new(u32::MAX, u32::MAX);
+
+    /// In these layers, touching those, without exemptions.
+    pub const fn new(memberships: u32, filters: u32) -> Self {
+        Self { memberships, filters, exemptions: Exemptions::NONE }
+    }
 
     /// Whether two may touch.
     #[inline]
     pub fn meet(self, other: Self) -> bool {
-        self.memberships & other.filters != 0 && other.memberships & self.filters != 0
+        self.memberships & other.filters != 0
+            && other.memberships & self.filters != 0
+            && !self.exemptions.name(other.exemptions)
+            && !other.exemptions.name(self.exemptions)
+    }
+}
+
+/// A body by its number, and the bodies that it does not touch.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub struct Exemptions {
+    /// Its own number; 0: it has none.
+    pub body: u16,
+    /// Those of the bodies that it does not touch, in ascending order, and zeros.
+    pub of: [u16; Self::MAX],
+}
+
+impl Exemptions {
+    /// Number of bodies that one may be exempt from.
+    pub const MAX: usize = 7;
+
+    /// Without a number, and exempt from none.
+    pub const NONE: Self = Self { body: 0, of: [0; Self::MAX] };
+
+    /// Whether they name the body of others.
+    fn name(self, other: Self) -> bool {
+        other.body != 0 && self.of.contains(&other.body)
     }
 }
 
@@ -100,19 +135,19 @@ impl Default for Layers {
     }
 }
 
-/// The surface of a particle, where it is not as that of all others.
+/// How a particle touches others and colliders, where that is not as of all others.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
-pub struct Skin {
+pub struct ContactProperties {
     /// `None`: what it touches decides.
     pub material: Option<Material>,
     /// Which colliders and particles it touches.
     pub layers: Layers,
 }
 
-/// The skins of all particles by slot; empty, or shorter than there are, where the others have the default one.
-pub(in crate::solver) fn skin_of(skins: &[Skin], slot: usize) -> Skin {
-    skins.get(slot).copied().unwrap_or_default()
+/// What `properties` of all particles by slot, which are empty or shorter where the others have the default ones, say of one.
+pub(in crate::solver) fn properties_of(properties: &[ContactProperties], slot: usize) -> ContactProperties {
+    properties.get(slot).copied().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -138,10 +173,19 @@ mod tests {
 
     #[test]
     fn both_must_want_to_meet() {
-        let layers = |memberships, filters| Layers { memberships, filters };
+        let layers = Layers::new;
         assert!(layers(1, 2).meet(layers(2, 1)));
         assert!(!layers(1, 2).meet(layers(2, 4)));
         assert!(!layers(1, 4).meet(layers(2, 1)));
         assert!(Layers::ALL.meet(layers(8, 8)) && !Layers::ALL.meet(layers(0, 8)));
+    }
+
+    #[test]
+    fn one_exemption_is_enough_for_both() {
+        let body = |body, of| Layers { exemptions: Exemptions { body, of }, ..Layers::ALL };
+        let (character, cape) = (body(3, [0; 7]), body(0, [3, 0, 0, 0, 0, 0, 0]));
+        assert!(!character.meet(cape) && !cape.meet(character));
+        assert!(cape.meet(cape) && character.meet(character) && Layers::ALL.meet(cape));
+        assert!(body(4, [0; 7]).meet(cape));
     }
 }

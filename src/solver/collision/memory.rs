@@ -19,12 +19,12 @@ pub struct ContactMemory {
     pub(super) crowded: bool,
     /// The touching pairs, in the order in which they are solved.
     pub(super) contacts: Vec<RememberedContact>,
-    /// The entangled pairs of slots, the smaller first.
-    pub(super) entangled: Vec<[u32; 2]>,
+    /// The initially overlapping pairs of slots, the smaller first.
+    pub(super) initial_overlaps: Vec<[u32; 2]>,
     /// The pairs that touched when both fell asleep, to go on from there.
     dormant: Vec<RememberedContact>,
-    /// The entangled pairs of particles that sleep.
-    dormant_entangled: Vec<[u32; 2]>,
+    /// The initially overlapping pairs of particles that sleep.
+    dormant_overlaps: Vec<[u32; 2]>,
     /// Where surfaces stick to each other.
     pub(super) grips: Vec<Grip>,
     /// Whether the particle in each slot was a sphere in the last search.
@@ -51,13 +51,22 @@ impl ContactMemory {
 
     /// Whether nothing is remembered.
     fn is_empty(&self) -> bool {
-        let Self { broad_phase, wide, age, crowded, contacts, entangled, dormant, dormant_entangled, .. } =
-            self;
+        let Self {
+            broad_phase,
+            wide,
+            age,
+            crowded,
+            contacts,
+            initial_overlaps,
+            dormant,
+            dormant_overlaps,
+            ..
+        } = self;
         let any_contacts = !(contacts.is_empty() && dormant.is_empty() && self.grips.is_empty());
-        let any_entangled = !(entangled.is_empty() && dormant_entangled.is_empty());
+        let any_initial_overlaps = !(initial_overlaps.is_empty() && dormant_overlaps.is_empty());
         let has_searched =
             broad_phase.is_some() || *age > 0 || *wide || *crowded || !self.searched.is_empty();
-        !(any_contacts || any_entangled || has_searched)
+        !(any_contacts || any_initial_overlaps || has_searched)
     }
 
     /// Whether nothing can touch among `count` particles as long as its free chains are free.
@@ -86,18 +95,18 @@ impl ContactMemory {
     /// To be called when particles have fallen asleep: `is_held` says which do, or are pinned.
     pub fn put_to_sleep(&mut self, is_held: impl Fn(usize) -> bool) {
         let are_held = |slots: &[u32; 2]| slots.iter().all(|slot| is_held(*slot as usize));
-        let Self { contacts, entangled, dormant, dormant_entangled, .. } = self;
+        let Self { contacts, initial_overlaps, dormant, dormant_overlaps, .. } = self;
         dormant.extend(contacts.extract_if(.., |contact| are_held(&contact.slots)));
-        dormant_entangled.extend(entangled.extract_if(.., |pair| are_held(pair)));
+        dormant_overlaps.extend(initial_overlaps.extract_if(.., |pair| are_held(pair)));
         self.request_search();
     }
 
     /// To be called when particles have woken: `is_asleep` says which have not.
     pub fn wake(&mut self, is_asleep: impl Fn(usize) -> bool) {
         let are_awake = |slots: &[u32; 2]| !slots.iter().any(|slot| is_asleep(*slot as usize));
-        let Self { contacts, entangled, dormant, dormant_entangled, .. } = self;
+        let Self { contacts, initial_overlaps, dormant, dormant_overlaps, .. } = self;
         contacts.extend(dormant.extract_if(.., |contact| are_awake(&contact.slots)));
-        entangled.extend(dormant_entangled.extract_if(.., |pair| are_awake(pair)));
+        initial_overlaps.extend(dormant_overlaps.extract_if(.., |pair| are_awake(pair)));
         self.request_search();
     }
 
@@ -123,9 +132,9 @@ impl ContactMemory {
         for contacts in [&mut self.contacts, &mut self.dormant] {
             contacts.retain_mut(|contact| new_pair(&mut contact.slots));
         }
-        for entangled in [&mut self.entangled, &mut self.dormant_entangled] {
-            entangled.retain_mut(new_pair);
-            entangled.iter_mut().for_each(|pair| pair.sort_unstable());
+        for initial_overlaps in [&mut self.initial_overlaps, &mut self.dormant_overlaps] {
+            initial_overlaps.retain_mut(new_pair);
+            initial_overlaps.iter_mut().for_each(|pair| pair.sort_unstable());
         }
         self.grips.retain_mut(|grip| grip.renumber(new_slot));
         let old = std::mem::replace(&mut self.searched, vec![false; count]);
@@ -137,14 +146,14 @@ impl ContactMemory {
         self.request_search();
     }
 
-    /// The entangled pairs of slots, the smaller first.
-    pub(in crate::solver) fn entangled(&self) -> &[[u32; 2]] {
-        &self.entangled
+    /// The initially overlapping pairs of slots, the smaller first.
+    pub(in crate::solver) fn initial_overlaps(&self) -> &[[u32; 2]] {
+        &self.initial_overlaps
     }
 
     /// Whether the particles in two slots overlap ever since one of them was new.
-    pub(in crate::solver) fn are_entangled(&self, one: u32, other: u32) -> bool {
-        self.entangled.contains(&[one.min(other), one.max(other)])
+    pub(in crate::solver) fn overlap_from_the_start(&self, one: u32, other: u32) -> bool {
+        self.initial_overlaps.contains(&[one.min(other), one.max(other)])
     }
 
     /// Whether the particle in a slot has been through a search since it was added or put there.
@@ -165,7 +174,7 @@ mod tests {
         ContactMemory {
             broad_phase: Some(BroadPhase::default()),
             contacts: vec![contact([0, 1], 1.0), contact([1, 3], 2.0), contact([2, 3], 3.0)],
-            entangled: vec![[0, 2], [0, 3]],
+            initial_overlaps: vec![[0, 2], [0, 3]],
             searched: vec![true, true, false, true],
             ..ContactMemory::default()
         }
@@ -177,7 +186,7 @@ mod tests {
         let version = memory.version;
         memory.renumber(&[Some(4), Some(2), None, Some(0)], 5);
         assert_eq!(memory.contacts, [contact([4, 2], 1.0), contact([2, 0], 2.0)]);
-        assert_eq!(memory.entangled, [[0, 4]]);
+        assert_eq!(memory.initial_overlaps, [[0, 4]]);
         assert_eq!(memory.searched, [true, false, true, false, true]);
         assert!(memory.broad_phase.is_none() && memory.version != version);
     }
@@ -198,7 +207,9 @@ mod tests {
     fn nothing_survives_forgetting() {
         let mut memory = ContactMemory { wide: true, age: 7, crowded: true, ..memory() };
         memory.clear();
-        assert!(memory.broad_phase.is_none() && memory.contacts.is_empty() && memory.entangled.is_empty());
+        assert!(
+            memory.broad_phase.is_none() && memory.contacts.is_empty() && memory.initial_overlaps.is_empty()
+        );
         assert!(memory.searched.is_empty() && !memory.wide && memory.age == 0 && !memory.crowded);
     }
 }

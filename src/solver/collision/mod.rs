@@ -5,7 +5,7 @@
 //! what is tangential. A pinned particle has infinite mass.
 //!
 //! The files: `memory.rs` what one tick hands on to the next, from which everything else follows; `response.rs` the formulas,
-//! `stiff_rebounds.rs` the accelerations for them; `sweep.rs` what is too fast; `chains.rs`, `extents.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `few.rs`, `candidates.rs` and `list.rs`
+//! `stiff_rebounds.rs` the accelerations for them; `sweep.rs` what is too fast; `chains.rs`, `extents.rs`, `chain_search.rs`, `broad_phase.rs`, `grid.rs`, `cells.rs`, `all_pairs.rs`, `candidates.rs` and `list.rs`
 //! which pairs may touch, `recall.rs` what is known of them; `whole_ticks.rs` ticks in which nothing can; `narrow.rs` which pairs do; `regions.rs` what can be solved at the same time; `pairs.rs`, `plane.rs` and
 //! `touch.rs` the three kinds of contact, `solve.rs` the order in which they are solved. Colliders: `collider.rs` their poses, `shapes/`
 //! their geometry, `material.rs` restitution, friction and layers, `touch_search.rs` which particles touch them, `feature_search.rs`
@@ -13,6 +13,7 @@
 //! at rest.
 //! `near_islands.rs` and `reach.rs`: which islands touch, by which schemes are chosen.
 
+mod all_pairs;
 mod bodies;
 mod broad_phase;
 mod candidates;
@@ -23,7 +24,6 @@ mod collider;
 mod extents;
 mod feature_search;
 mod features;
-mod few;
 mod grid;
 mod guard;
 mod list;
@@ -62,13 +62,13 @@ use candidates::Candidates;
 use chains::Proof;
 pub use collider::Collider;
 use collider::Placed;
-use extents::Lead;
+use extents::MonotoneDirection;
 use feature_search::FeatureSearch;
 use features::Features;
 pub(super) use features::{Feature, sum, weigh};
 use guard::Guard;
-pub(super) use material::skin_of;
-pub use material::{CombineRule, Layers, Material, Skin};
+pub(super) use material::properties_of;
+pub use material::{CombineRule, ContactProperties, Exemptions, Layers, Material};
 pub use memory::ContactMemory;
 pub(super) use near_islands::NearIslands;
 pub(super) use obstacles::{Obstacle, Obstacles, Surroundings};
@@ -79,8 +79,10 @@ pub(super) use presence::Presence;
 pub(super) use reach::Scene;
 pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
+pub(crate) use shapes::{Crossing, Nearest, PlacedShape, Simplex};
 pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};
+pub(super) use stiff_rebounds::Evaluated;
 pub(super) use surface::{StiffContact, Surfaces};
 use sweep::{Response, Sweep};
 use touch_search::Touches;
@@ -100,7 +102,7 @@ pub(super) struct ContactCaches {
     guard: Guard,
     bodies: Vec<Body>,
     /// Of the free chains in a tick that is taken as a whole, by what they do not touch themselves.
-    leads: Vec<Lead>,
+    directions: Vec<MonotoneDirection>,
     /// Positions at the start of the substep, m.
     previous: Vectors,
     has_previous: bool,
@@ -119,7 +121,7 @@ pub(super) struct Substep<'a> {
     pub elements: &'a Elements,
     pub colliders: &'a [Collider],
     /// The surfaces of particles by slot; of those beyond its end as of any.
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
     /// Of the last evaluation of the forces, m/s².
     pub acceleration: &'a Vectors,
     pub settings: &'a StepSettings,
@@ -280,9 +282,9 @@ impl ContactCaches {
         let mut grid = std::mem::take(&mut candidates.grid);
         let may_meet = |particles: &Particles, slots: [u32; 2]| {
             let stays = |slot: usize| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true);
-            let layers = slots.map(|slot| material::skin_of(substep.skins, slot as usize).layers);
+            let layers = slots.map(|slot| material::properties_of(substep.properties, slot as usize).layers);
             !slots.iter().all(|slot| stays(*slot as usize))
-                && (substep.skins.is_empty() || layers[0].meet(layers[1]))
+                && (substep.properties.is_empty() || layers[0].meet(layers[1]))
                 && !exclusions.contains(slots[0], slots[1])
         };
         let response = Response {
@@ -313,7 +315,7 @@ impl ContactCaches {
     }
 
     fn find(&mut self, memory: &mut ContactMemory, particles: &Particles, substep: Substep) {
-        let Substep { colliders, acceleration, settings, skins, elapsed, .. } = substep;
+        let Substep { colliders, acceleration, settings, properties, elapsed, .. } = substep;
         let rebound = substep.rebound();
         let Self { candidates, pair_contacts, previous, .. } = self;
         if settings.pair_rules.is_some() {
@@ -328,7 +330,7 @@ impl ContactCaches {
         let body_of = &self.candidates.regions.body_of[..];
         if settings.collide_with_colliders {
             let is_implicit = &self.is_implicit[..];
-            let conditions = plane::Conditions { acceleration, rebound, skins, body_of, is_implicit };
+            let conditions = plane::Conditions { acceleration, rebound, properties, body_of, is_implicit };
             for number in self.placed.planes.iter().map(|number| *number as usize) {
                 let collider = &colliders[number];
                 let surface = collider.surface(elapsed, settings.time_step);
@@ -363,7 +365,7 @@ impl ContactCaches {
             }
             let Self { candidates, bodies, pair_contacts, .. } = self;
             let sides = (up, settings.is_flat, !self.is_implicit.is_empty());
-            narrow::find(candidates, bodies, (acceleration, skins), rebound, sides, pair_contacts);
+            narrow::find(candidates, bodies, (acceleration, properties), rebound, sides, pair_contacts);
         }
     }
 }

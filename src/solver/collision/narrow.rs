@@ -6,8 +6,8 @@ use crate::solver::particles::Vectors;
 
 use super::bodies::Body;
 use super::candidates::Candidates;
-use super::list::{Candidate, List, Past};
-use super::material::{Skin, skin_of};
+use super::list::{Candidate, List, PairHistory};
+use super::material::{ContactProperties, properties_of};
 use super::pairs::{Impulses, PairContact, PairContacts};
 use super::response::{Approach, Rebound};
 
@@ -26,7 +26,7 @@ struct Search<'a> {
     /// Whether all motion is in a plane of constant z.
     is_flat: bool,
     last: &'a [PairContact],
-    skins: &'a [Skin],
+    properties: &'a [ContactProperties],
     /// Whether an implicit step has moved any of the particles.
     any_implicit: bool,
 }
@@ -36,7 +36,7 @@ struct Search<'a> {
 pub(super) fn find(
     candidates: &mut Candidates,
     bodies: &mut [Body],
-    (acceleration, skins): (&Vectors, &[Skin]),
+    (acceleration, properties): (&Vectors, &[ContactProperties]),
     rebound: Rebound,
     (up, is_flat, any_implicit): (Vec3A, bool, bool),
     contacts: &mut PairContacts,
@@ -45,68 +45,70 @@ pub(super) fn find(
     contacts.swap_buffers(pairs.len());
     let PairContacts { current, last } = contacts;
     let slot_of = &regions.slot_of;
-    let search = Search { slot_of, acceleration, rebound, up, is_flat, last, skins, any_implicit };
+    let search = Search { slot_of, acceleration, rebound, up, is_flat, last, properties, any_implicit };
     groups.for_each((&mut pairs[..], &mut current[..]), bodies, |group, (pairs, contacts), bodies| {
-        (group.contacts, group.entangled) = (0, false);
+        (group.contacts, group.any_initial_overlaps) = (0, false);
         for pairs in pairs.chunks_mut(PAIRS_PER_CHUNK) {
-            group.entangled |= search.find_contacts(pairs, group.bodies.start, bodies, |contact| {
-                contacts[group.contacts] = contact;
-                group.contacts += 1;
-                Past::Contact((group.pairs.start + group.contacts - 1) as u32)
-            });
+            group.any_initial_overlaps |=
+                search.find_contacts(pairs, group.bodies.start, bodies, |contact| {
+                    contacts[group.contacts] = contact;
+                    group.contacts += 1;
+                    PairHistory::Contact((group.pairs.start + group.contacts - 1) as u32)
+                });
         }
     });
 }
 
 impl Search<'_> {
-    /// Finds the contacts among a few pairs of bodies that begin with the number `start`; whether any are
-    /// entangled. `keep` takes each contact, and returns what to remember of it.
+    /// Finds the contacts among a few pairs of bodies that begin with the number `start`; whether any
+    /// overlap from the start. `keep` takes each contact, and returns what to remember of it.
     fn find_contacts(
         &self,
         pairs: &mut [Candidate],
         start: usize,
         bodies: &mut [Body],
-        mut keep: impl FnMut(PairContact) -> Past,
+        mut keep: impl FnMut(PairContact) -> PairHistory,
     ) -> bool {
         // Without a branch: about half of the pairs are near, no processor could guess which.
-        let (mut near, mut count) = ([(0, Past::Apart); PAIRS_PER_CHUNK], 0);
+        let (mut near, mut count) = ([(0, PairHistory::Apart); PAIRS_PER_CHUNK], 0);
         for (place, pair) in pairs.iter_mut().enumerate() {
             let [first, second] = places(pair, start);
             let (upper, lower) = (&bodies[first], &bodies[second]);
             let reach = upper.radius + lower.radius + self.rebound.slop;
             let is_near = (upper.position - lower.position).length_squared() <= reach * reach;
-            near[count] = (place as u32, std::mem::replace(&mut pair.past, Past::Apart));
+            near[count] = (place as u32, std::mem::replace(&mut pair.history, PairHistory::Apart));
             count += usize::from(is_near);
         }
-        let mut entangled = false;
-        for (place, past) in &near[..count] {
+        let mut any_initial_overlaps = false;
+        for (place, history) in &near[..count] {
             let pair = &mut pairs[*place as usize];
             let ends = places(pair, start);
-            let impulses = match *past {
-                Past::Entangled if overlap(ends.map(|end| &bodies[end])) => {
-                    pair.past = Past::Entangled;
-                    entangled = true;
+            let impulses = match *history {
+                PairHistory::InitialOverlap if overlap(ends.map(|end| &bodies[end])) => {
+                    pair.history = PairHistory::InitialOverlap;
+                    any_initial_overlaps = true;
                     continue;
                 }
                 _ if self.any_implicit && solved_elsewhere(ends.map(|end| &bodies[end])) => continue,
                 _ if !self.may_meet(ends, start) => continue,
-                Past::Contact(place) => self.last[place as usize].impulses,
+                PairHistory::Contact(place) => self.last[place as usize].impulses,
                 _ => Impulses::default(),
             };
             if let Some(contact) = self.contact(ends, start, impulses, bodies) {
-                pair.past = keep(contact);
+                pair.history = keep(contact);
             }
         }
-        entangled
+        any_initial_overlaps
     }
 
     /// Whether the layers of two bodies let them touch.
     #[inline]
     fn may_meet(&self, ends: [usize; 2], start: usize) -> bool {
-        if self.skins.is_empty() {
+        if self.properties.is_empty() {
             return true;
         }
-        let [one, other] = ends.map(|place| skin_of(self.skins, self.slot_of[place + start] as usize).layers);
+        let [one, other] =
+            ends.map(|place| properties_of(self.properties, self.slot_of[place + start] as usize).layers);
         one.meet(other)
     }
 
@@ -218,11 +220,11 @@ mod tests {
     fn check_directions(is_flat: bool) {
         let mut sum = Vec3A::ZERO;
         for slot in 1..4000 {
-            let way = direction([0, slot], is_flat);
-            assert_eq!(way, -direction([slot, 0], is_flat));
-            assert!(!is_flat || way.z == 0.0);
-            assert!((way.length() - 1.0).abs() < 1e-6);
-            sum += way;
+            let normal = direction([0, slot], is_flat);
+            assert_eq!(normal, -direction([slot, 0], is_flat));
+            assert!(!is_flat || normal.z == 0.0);
+            assert!((normal.length() - 1.0).abs() < 1e-6);
+            sum += normal;
         }
         // A random walk of 4000 steps ends 63 from its start, hardly ever three times as far.
         assert!(sum.length() < 200.0, "{sum}");

@@ -19,7 +19,7 @@ pub(in crate::solver) struct NearIslands {
     boxes: Vec<Box3>,
     /// By island: what its box has in common with those of the other kind, all that they reach included, m.
     shared: Vec<Box3>,
-    /// What two particles may add to their ways in the tick, m.
+    /// What two particles may add to their displacements in the tick, m.
     margin: f32,
     /// What may be between two particles that have a loose one between them touch, from each of them, m.
     between: f32,
@@ -138,11 +138,11 @@ impl NearIslands {
         let slots = runs.flat_map(|(slots, shared)| slots.clone().map(move |slot| (slot, shared)));
         let spheres = slots.filter_map(|(slot, shared)| {
             let number = slot as usize;
-            let [start, way] = scene.flight(number);
+            let [start, displacement] = scene.flight(number);
             let reach = (1.0 + CONTACT_HYSTERESIS) * particles.radius()[number] + 0.5 * *margin;
-            let ends = [start, start + way].map(Vec3A::from);
+            let ends = [start, start + displacement].map(Vec3A::from);
             let swept = Box3 { least: ends[0].min(ends[1]), most: ends[0].max(ends[1]) };
-            let sphere = (slot, start + 0.5 * way, reach + 0.5 * way.length());
+            let sphere = (slot, start + 0.5 * displacement, reach + 0.5 * displacement.length());
             let is_finite = sphere.1.is_finite() && sphere.2.is_finite();
             let is_near = scene.is_sphere(number) && swept.grown(reach + *between).overlaps(&shared);
             (is_finite && is_near).then_some(sphere)
@@ -153,10 +153,10 @@ impl NearIslands {
     }
 }
 
-/// The least distance of two straight ways, each from a place. Not at the same time: what one touches may stop it before the other
+/// The least distance of two straight paths, each from a place. Not at the same time: what one touches may stop it before the other
 /// comes.
-fn nearest(ways: [[Vec3; 2]; 2]) -> f32 {
-    let ends = ways.map(|[start, way]| [start, start + way].map(|end| end.as_dvec3()));
+fn nearest(flights: [[Vec3; 2]; 2]) -> f32 {
+    let ends = flights.map(|[start, displacement]| [start, start + displacement].map(|end| end.as_dvec3()));
     let [one, other] = nearest_parameters(ends[0], ends[1]);
     let [first, second] = ends.map(|[start, end]| move |part: f64| start.lerp(end, part));
     first(one).distance(second(other)) as f32
@@ -164,7 +164,7 @@ fn nearest(ways: [[Vec3; 2]; 2]) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::material::{Layers, Skin};
+    use super::super::material::{ContactProperties, Layers};
     use super::*;
     use crate::solver::elements::{Elements, Spring};
     use crate::solver::graph::Islands;
@@ -209,17 +209,20 @@ mod tests {
             let (particles, islands) =
                 pairs(&[(Vec3::ZERO, Vec3::ZERO), (Vec3::X * place, Vec3::X * velocity)]);
             let scene =
-                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+                Scene { islands: &islands, particles: &particles, covered: &[], properties: &[], settings };
             for stiff in [[true, false], [false, true]] {
                 assert_eq!(find(scene, &stiff).len(), usize::from(expected), "{place} m, {velocity} m/s");
             }
             assert!(find(scene, &[true; 2]).is_empty() && find(scene, &[false; 2]).is_empty());
             let covered = &[true; 2][..];
             assert!(find(Scene { covered, ..scene }, &[true, false]).is_empty(), "no spheres");
-            let skin = Skin { layers: Layers { memberships: 1, filters: 1 }, ..Skin::default() };
-            let other = Skin { layers: Layers { memberships: 2, filters: 2 }, ..skin };
-            let skins = &[skin, skin, other, other][..];
-            assert!(find(Scene { skins, ..scene }, &[true, false]).is_empty(), "layers that do not meet");
+            let own = ContactProperties { layers: Layers::new(1, 1), ..ContactProperties::default() };
+            let other = ContactProperties { layers: Layers::new(2, 2), ..own };
+            let properties = &[own, own, other, other][..];
+            assert!(
+                find(Scene { properties, ..scene }, &[true, false]).is_empty(),
+                "layers that do not meet"
+            );
         }
     }
 
@@ -243,12 +246,12 @@ mod tests {
             }
             islands.refresh(&elements, &particles);
             let scene =
-                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+                Scene { islands: &islands, particles: &particles, covered: &[], properties: &[], settings };
             assert_eq!(find(scene, &[true, false]).len(), usize::from(expected), "{place}, {velocity}");
             particles.set_inverse_mass(4, 0.0);
             islands.refresh(&elements, &particles);
             let scene =
-                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+                Scene { islands: &islands, particles: &particles, covered: &[], properties: &[], settings };
             assert!(find(scene, &[true, false]).is_empty(), "a pinned one has not");
         }
     }
@@ -267,7 +270,7 @@ mod tests {
             let places: Vec<_> = (0..60).map(|_| (vector(size), vector(2.0))).collect();
             let (particles, islands) = pairs(&places);
             let scene =
-                Scene { islands: &islands, particles: &particles, covered: &[], skins: &[], settings };
+                Scene { islands: &islands, particles: &particles, covered: &[], properties: &[], settings };
             let stiff: Vec<bool> = (0..60).map(|number| number % 3 == 0).collect();
             let mut search = NearIslands::default();
             search.begin_tick(scene);
@@ -275,7 +278,7 @@ mod tests {
                 let slots = |island: usize| [2 * island, 2 * island + 1];
                 let pairs = slots(one).into_iter().flat_map(|a| slots(other).map(|b| [a, b]));
                 let most = (1.0 + CONTACT_HYSTERESIS) * 0.2 + search.margin;
-                pairs.map(|pair| pair.map(|slot| scene.flight(slot))).any(|ways| nearest(ways) <= most)
+                pairs.map(|pair| pair.map(|slot| scene.flight(slot))).any(|flights| nearest(flights) <= most)
             };
             let all = (0..60).flat_map(|one| (one + 1..60).map(move |other| [one, other]));
             let expected: Vec<_> =
@@ -287,10 +290,10 @@ mod tests {
     }
 
     #[test]
-    fn the_least_distance_of_two_ways() {
-        let way = |way: Vec3| [[Vec3::new(3.0, 2.0, 0.0), way], [Vec3::ZERO, Vec3::X]];
-        assert_eq!(nearest(way(Vec3::X * -6.0)), 2.0, "past");
-        assert_eq!(nearest(way(Vec3::NEG_Y * 2.0)), 2.0, "not there yet");
+    fn the_least_distance_of_two_paths() {
+        let flights = |displacement: Vec3| [[Vec3::new(3.0, 2.0, 0.0), displacement], [Vec3::ZERO, Vec3::X]];
+        assert_eq!(nearest(flights(Vec3::X * -6.0)), 2.0, "past");
+        assert_eq!(nearest(flights(Vec3::NEG_Y * 2.0)), 2.0, "not there yet");
         assert_eq!(nearest([[Vec3::X * 3.0, Vec3::NEG_X], [Vec3::ZERO, Vec3::NEG_X]]), 2.0, "behind it");
         assert_eq!(nearest([[Vec3::X * 3.0, Vec3::ZERO], [Vec3::ZERO, Vec3::ZERO]]), 3.0, "at rest");
     }

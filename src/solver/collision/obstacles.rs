@@ -2,10 +2,10 @@
 
 use bevy::math::DVec3;
 
-use super::collider::{Collider, Moment, Placed};
+use super::collider::{Collider, Placed, SubstepMotion};
 use super::features::Feature;
-use super::material::{Skin, skin_of};
-use super::shapes::{Bounds, Placement, Shape, Ways};
+use super::material::{ContactProperties, properties_of};
+use super::shapes::{Bounds, CornerPaths, Placement, Shape};
 use super::stiff_pairs::touch;
 use super::{ContactMemory, ContactPartner};
 use crate::solver::particles::Particles;
@@ -16,7 +16,7 @@ use crate::solver::state::Version;
 #[derive(Clone, Copy)]
 pub(in crate::solver) struct Surroundings<'a> {
     pub colliders: &'a [Collider],
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
     pub settings: &'a StepSettings,
     pub memory: &'a ContactMemory,
     /// The edges and triangles of nets that collide, and their version.
@@ -49,8 +49,8 @@ pub(in crate::solver) struct Obstacle {
 enum Form {
     /// All below the plane through `point`, m, of outward unit normal `normal`.
     HalfSpace { point: DVec3, normal: DVec3 },
-    /// A pinned particle, which has come to `centre` by `way`; m.
-    Sphere { centre: DVec3, radius: f64, way: DVec3 },
+    /// A pinned particle, which has come to `centre` by `displacement`; m.
+    Sphere { centre: DVec3, radius: f64, displacement: DVec3 },
     /// A collider; `from` is where it is at the start of the step, `side` that of a sheet on which a particle is.
     Solid { shape: Shape, from: Placement, to: Placement, side: f64 },
 }
@@ -77,15 +77,15 @@ impl Obstacle {
     pub fn met(&self, [start, end]: [DVec3; 2], radius: f64) -> Option<Self> {
         let (shape, from, to) = match &self.form {
             Form::HalfSpace { .. } => return None,
-            Form::Sphere { centre, radius: own, way } => {
-                let point = passed([start - (centre - way), end - centre], *own, radius)?;
+            Form::Sphere { centre, radius: own, displacement } => {
+                let point = passed([start - (centre - displacement), end - centre], *own, radius)?;
                 let form = Form::HalfSpace { point: centre + point, normal: point.normalize() };
                 return Some(Self { form, ..self.clone() });
             }
             Form::Solid { shape, from, to, .. } => (shape, from, to),
         };
         let (from, end) = (from.to_local(start), to.to_local(end));
-        let kept = SWEPT_WAY * radius;
+        let kept = SWEEP_THRESHOLD * radius;
         if from.distance_squared(end) <= kept * kept {
             return None;
         }
@@ -107,8 +107,8 @@ impl Obstacle {
         let Form::Solid { shape, from, to, .. } = &self.form else { return None };
         let before = start.map(|corner| from.to_local(corner));
         let local = end.map(|corner| to.to_local(corner));
-        let ways = Ways { from: before, to: local, count };
-        if let Some(found) = is_swept.then(|| shape.swept(&ways, radii)).flatten() {
+        let paths = CornerPaths { from: before, to: local, count };
+        if let Some(found) = is_swept.then(|| shape.swept(&paths, radii)).flatten() {
             let normal = to.direction(shape, found.normal);
             let form = Form::HalfSpace { point: to.to_world(found.foot), normal };
             return Some((Self { form, ..self.clone() }, found.weights));
@@ -172,14 +172,14 @@ impl Obstacle {
         }
     }
 
-    fn of_solid(number: usize, collider: &Collider, moment: &Moment) -> Self {
-        let (from, to) = (moment.from, moment.to);
+    fn of_solid(number: usize, collider: &Collider, motion: &SubstepMotion) -> Self {
+        let (from, to) = (motion.from, motion.to);
         Self {
             form: Form::Solid { shape: collider.shape.clone(), from, to, side: 0.0 },
-            velocity: moment.velocity,
-            angular_velocity: moment.angular_velocity,
+            velocity: motion.velocity,
+            angular_velocity: motion.angular_velocity,
             pivot: to.point,
-            sliding: moment.sliding(collider),
+            sliding: motion.sliding(collider),
             ..Self::new(number, collider)
         }
     }
@@ -199,13 +199,13 @@ impl Obstacle {
 }
 
 /// Displacement in a step above which a particle is swept, as a part of its radius.
-const SWEPT_WAY: f64 = 0.5;
+const SWEEP_THRESHOLD: f64 = 0.5;
 
 /// Where a sphere of this `radius` first touches another one, about the origin, on its way between two places, if it is beyond it at the
 /// end.
 fn passed([start, end]: [DVec3; 2], own: f64, radius: f64) -> Option<DVec3> {
-    let (swept_way, reach) = (SWEPT_WAY * radius, own + radius);
-    if start.distance_squared(end) <= swept_way * swept_way {
+    let (sweep_threshold, reach) = (SWEEP_THRESHOLD * radius, own + radius);
+    if start.distance_squared(end) <= sweep_threshold * sweep_threshold {
         return None;
     }
     let normal = touch(start.as_vec3(), end.as_vec3(), reach as f32)?.as_dvec3().normalize();
@@ -233,7 +233,7 @@ pub(in crate::solver) struct Obstacles {
     /// The largest diameter of the spheres, m.
     largest: f64,
     /// The longest displacement of one of them in the step, m.
-    longest_way: f64,
+    max_displacement: f64,
 }
 
 impl Obstacles {
@@ -244,7 +244,7 @@ impl Obstacles {
         self.planes.clear();
         self.solids.clear();
         self.spheres.clear();
-        (self.largest, self.longest_way) = (0.0, 0.0);
+        (self.largest, self.max_displacement) = (0.0, 0.0);
         let time_step = settings.time_step;
         let colliders = if settings.collide_with_colliders { colliders } else { &[] };
         let planes = colliders.iter().enumerate().filter(|(_, collider)| collider.is_plane());
@@ -254,9 +254,9 @@ impl Obstacles {
         let before = elapsed - duration as f32 / time_step;
         self.placed.begin_tick(colliders, time_step);
         self.placed.begin_substep(colliders, [before, elapsed], time_step);
-        let solids = self.placed.numbers.iter().map(|number| *number as usize).zip(&self.placed.moments);
+        let solids = self.placed.numbers.iter().map(|number| *number as usize).zip(&self.placed.motions);
         self.solids
-            .extend(solids.map(|(number, moment)| Obstacle::of_solid(number, &colliders[number], moment)));
+            .extend(solids.map(|(number, motion)| Obstacle::of_solid(number, &colliders[number], motion)));
         let Some(rules) = settings.pair_rules else { return };
         let is_covered = |slot: usize| surroundings.covered.get(slot) == Some(&true);
         let pinned = particles.radius().iter().enumerate();
@@ -264,11 +264,11 @@ impl Obstacles {
             pinned.filter(|(slot, radius)| **radius > 0.0 && particles.is_pinned(*slot) && !is_covered(*slot))
         {
             let (velocity, radius) = (particles.velocity.get(slot).as_dvec3(), f64::from(*radius));
-            let way = duration * velocity;
-            let centre = particles.position.get(slot).as_dvec3() + way;
+            let displacement = duration * velocity;
+            let centre = particles.position.get(slot).as_dvec3() + displacement;
             let obstacle = Obstacle {
                 partner: ContactPartner::Particle(slot),
-                form: Form::Sphere { centre, radius, way },
+                form: Form::Sphere { centre, radius, displacement },
                 velocity,
                 angular_velocity: DVec3::ZERO,
                 pivot: centre,
@@ -278,7 +278,7 @@ impl Obstacles {
             };
             self.spheres.push((centre.x - radius, obstacle));
             self.largest = self.largest.max(2.0 * radius);
-            self.longest_way = self.longest_way.max(duration * velocity.length());
+            self.max_displacement = self.max_displacement.max(duration * velocity.length());
         }
         self.spheres.sort_by(|(one, _), (other, _)| one.total_cmp(other));
     }
@@ -314,17 +314,17 @@ impl Obstacles {
         let size = bounds.low.abs().max(bounds.high.abs()).max_element();
         let reach = radii[0].max(radii[1]).max(radii[2]) + longest(from, to) + RECOVERY * duration;
         let bounds = bounds.grown(reach as f32 + 16.0 * f32::EPSILON * size);
-        let skin = skin_of(surroundings.skins, slot);
+        let own_properties = properties_of(surroundings.properties, slot);
         self.placed.for_each_near(&bounds, |place| {
             let obstacle = &self.solids[place];
             let collider = &surroundings.colliders[self.placed.numbers[place] as usize];
-            if !collider.is_sensor && skin.layers.meet(collider.layers) {
-                found(obstacle, collider.material.between(skin.material).map(f64::from));
+            if !collider.is_sensor && own_properties.layers.meet(collider.layers) {
+                found(obstacle, collider.material.between(own_properties.material).map(f64::from));
             }
         });
     }
 
-    /// Calls `found` for each obstacle that a sphere at `position` may touch on a way of `reach` m in `duration`
+    /// Calls `found` for each obstacle that a sphere at `position` may touch on a path of `reach` m in `duration`
     /// seconds, with its coefficients of restitution and friction against the particle in this `slot`.
     pub fn near(
         &self,
@@ -334,26 +334,27 @@ impl Obstacles {
         [reach, duration]: [f64; 2],
         mut found: impl FnMut(&Obstacle, [f64; 2]),
     ) {
-        let skin = skin_of(surroundings.skins, slot);
+        let own_properties = properties_of(surroundings.properties, slot);
         let mut test = |obstacle: &Obstacle| {
             let mut coefficients = [obstacle.restitution, obstacle.friction];
             if let ContactPartner::Collider(number) = obstacle.partner {
                 let collider = &surroundings.colliders[number];
-                if collider.is_sensor || !skin.layers.meet(collider.layers) {
+                if collider.is_sensor || !own_properties.layers.meet(collider.layers) {
                     return;
                 }
-                if skin.material.is_some() {
-                    coefficients = collider.material.between(skin.material).map(f64::from);
+                if own_properties.material.is_some() {
+                    coefficients = collider.material.between(own_properties.material).map(f64::from);
                 }
             }
             let is_covered = || surroundings.covered.get(slot) == Some(&true);
             if let ContactPartner::Particle(pinned) = obstacle.partner
-                && (is_covered() || !skin.layers.meet(skin_of(surroundings.skins, pinned).layers))
+                && (is_covered()
+                    || !own_properties.layers.meet(properties_of(surroundings.properties, pinned).layers))
             {
                 return;
             }
-            let own_way = duration * obstacle.motion_at(position).length();
-            if obstacle.gap(position, radius).0 <= reach + own_way {
+            let own_displacement = duration * obstacle.motion_at(position).length();
+            if obstacle.gap(position, radius).0 <= reach + own_displacement {
                 found(obstacle, coefficients);
             }
         };
@@ -363,7 +364,7 @@ impl Obstacles {
                 Bounds::of_sphere(position.as_vec3(), ((radius + reach) * (1.0 + 1e-6)) as f32 + 1e-6);
             self.placed.for_each_near(&bounds, |place| test(&self.solids[place]));
         }
-        let reach = radius + reach + self.longest_way;
+        let reach = radius + reach + self.max_displacement;
         let (least, most) = (position.x - reach - self.largest, position.x + reach);
         let first = self.spheres.partition_point(|(x, _)| *x < least);
         self.spheres[first..].iter().take_while(|(x, _)| *x <= most).for_each(|(_, sphere)| test(sphere));

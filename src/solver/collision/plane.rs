@@ -6,8 +6,8 @@ use crate::solver::particles::{Particles, Vectors};
 
 use super::bodies::Body;
 use super::collider::Collider;
-use super::material::{Material, Skin, skin_of};
-use super::response::{Approach, Rebound, friction, tangential};
+use super::material::{ContactProperties, Material, properties_of};
+use super::response::{Approach, Rebound, SprungApproach, friction, tangential};
 use super::{ContactCaches, ContactRecord, Substep};
 
 /// A position and an orientation.
@@ -100,21 +100,24 @@ impl PlaneContact {
         self.target_velocity > 0.0
     }
 
-    /// Gives it the velocity that follows from its accelerations along the normal, where the substep began and where it led to, m/s².
+    /// Gives it the velocity that follows from its accelerations along the normal, where the substep began and where it led to, m/s², and from
+    /// its displacement, m.
     pub fn adjust(
         &mut self,
         surface: &Surface,
         particles: &Particles,
-        (rebound, [acceleration, end]): (Rebound, [f32; 2]),
-        skin: Skin,
+        (rebound, accelerations, displacement): (Rebound, [f32; 2], Vec3A),
+        own_properties: ContactProperties,
     ) {
-        let [restitution, _] = surface.material.between(skin.material);
+        let [restitution, _] = surface.material.between(own_properties.material);
         let velocity = Vec3A::from(particles.velocity.get(self.slot)) - self.surface_velocity;
+        let displacement = displacement - rebound.substep * self.surface_velocity;
         let position = Vec3A::from(particles.position.get(self.slot));
+        let [velocity, displacement] = [velocity, displacement].map(|vector| vector.dot(surface.normal));
         let depth = surface.depth(position, particles.radius()[self.slot]).max(0.0);
-        let approach = Approach { velocity: velocity.dot(surface.normal), acceleration, depth };
         let rebound = Rebound { restitution, ..rebound };
-        self.target_velocity = rebound.velocity_after_on_springs(approach, end).max(0.0);
+        let approach = SprungApproach { velocity, accelerations, displacement, depth };
+        self.target_velocity = rebound.velocity_after_on_springs(approach).max(0.0);
     }
 }
 
@@ -126,7 +129,7 @@ const PARTICLES_PER_CHUNK: usize = 64;
 pub(super) struct Conditions<'a> {
     pub acceleration: &'a Vectors,
     pub rebound: Rebound,
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
     pub body_of: &'a [u32],
     pub is_implicit: &'a [bool],
 }
@@ -165,13 +168,13 @@ pub(super) fn find(
     conditions: Conditions,
     contacts: &mut Vec<PlaneContact>,
 ) {
-    let Conditions { acceleration, rebound, skins, body_of, is_implicit } = conditions;
+    let Conditions { acceleration, rebound, properties, body_of, is_implicit } = conditions;
     touching(surface, particles, is_implicit, |slot| {
-        let skin = skin_of(skins, slot);
-        if !skin.layers.meet(collider.layers) {
+        let own_properties = properties_of(properties, slot);
+        if !own_properties.layers.meet(collider.layers) {
             return;
         }
-        let [restitution, friction] = surface.material.between(skin.material);
+        let [restitution, friction] = surface.material.between(own_properties.material);
         let rebound = Rebound { restitution, ..rebound };
         let position = Vec3A::from(particles.position.get(slot));
         let surface_velocity = surface.velocity_at(position);
@@ -236,7 +239,7 @@ impl ContactCaches {
         particles: &mut Particles,
         substep: Substep,
     ) -> bool {
-        let Substep { colliders, settings, skins, elapsed, .. } = substep;
+        let Substep { colliders, settings, properties, elapsed, .. } = substep;
         if !settings.collide_with_colliders {
             return false;
         }
@@ -244,9 +247,12 @@ impl ContactCaches {
         for collider in self.placed.planes.iter().map(|number| &colliders[*number as usize]) {
             let surface = collider.surface(elapsed, settings.time_step);
             each(&mut |slot| {
-                let skin = skin_of(skins, slot);
-                if !collider.is_sensor && !particles.is_pinned(slot) && skin.layers.meet(collider.layers) {
-                    any |= put_onto(&surface, particles, skin, slot);
+                let own_properties = properties_of(properties, slot);
+                if !collider.is_sensor
+                    && !particles.is_pinned(slot)
+                    && own_properties.layers.meet(collider.layers)
+                {
+                    any |= put_onto(&surface, particles, own_properties, slot);
                 }
             });
         }
@@ -256,14 +262,19 @@ impl ContactCaches {
 
 /// Moves a particle that others have pressed into a half-space back onto it, and removes its approaching velocity, with friction; whether
 /// it was below the surface.
-fn put_onto(surface: &Surface, particles: &mut Particles, skin: Skin, slot: usize) -> bool {
+fn put_onto(
+    surface: &Surface,
+    particles: &mut Particles,
+    own_properties: ContactProperties,
+    slot: usize,
+) -> bool {
     let position = Vec3A::from(particles.position.get(slot));
     let radius = particles.radius()[slot];
     let depth = surface.depth(position, radius);
     if depth.is_nan() || depth <= 0.0 {
         return false;
     }
-    let [_, coefficient] = surface.material.between(skin.material);
+    let [_, coefficient] = surface.material.between(own_properties.material);
     let velocity = Vec3A::from(particles.velocity.get(slot));
     let relative = velocity - surface.velocity_at(position);
     let change = (-relative.dot(surface.normal)).max(0.0);

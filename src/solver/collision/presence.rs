@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use bevy::math::Vec3;
 
 use super::collider::Collider;
-use super::material::Layers;
+use super::material::{Exemptions, Layers};
 use super::plane::Pose;
 use super::shapes::{Bounds, Fingerprint, Placement};
 
@@ -90,6 +90,11 @@ impl Collider {
         fingerprint.add_floats(surface_velocity.as_dvec3().to_array());
         fingerprint.add(material.restitution_rule as u64 | (material.friction_rule as u64) << 8);
         fingerprint.add(u64::from(layers.memberships) | u64::from(layers.filters) << 32);
+        if layers.exemptions != Exemptions::NONE {
+            let Exemptions { body, of } = layers.exemptions;
+            fingerprint.add(u64::from(body));
+            of.iter().for_each(|body| fingerprint.add(u64::from(*body)));
+        }
         fingerprint.add(u64::from(*is_sensor));
         fingerprint.finish()
     }
@@ -134,6 +139,6 @@ mod tests {
         let is_near = rod.nearness();
         assert!(is_near(Vec3::new(1.0, 1.0, 0.0), 0.1, Layers::ALL));
         assert!(!is_near(Vec3::new(0.0, 0.0, 1.0), 0.1, Layers::ALL));
-        assert!(!is_near(Vec3::new(1.0, 1.0, 0.0), 0.1, Layers { memberships: 0, filters: 0 }));
+        assert!(!is_near(Vec3::new(1.0, 1.0, 0.0), 0.1, Layers::new(0, 0)));
     }
 }

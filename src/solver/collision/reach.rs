@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::material::{Skin, skin_of};
+use super::material::{ContactProperties, properties_of};
 use super::surface::Box3;
 use crate::solver::graph::{Exclusions, Islands};
 use crate::solver::particles::Particles;
@@ -18,7 +18,7 @@ pub(in crate::solver) struct Scene<'a> {
     /// Whether the particle in each slot is no sphere of its own; empty if all are.
     pub covered: &'a [bool],
     /// The surfaces of particles by slot; of those beyond its end as of any.
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
     pub settings: &'a StepSettings,
 }
 
@@ -37,8 +37,8 @@ impl Scene<'_> {
 
     /// Whether two particles collide where they meet.
     pub fn may_meet(&self, one: u32, other: u32) -> bool {
-        let layers = |slot: u32| skin_of(self.skins, slot as usize).layers;
-        (self.skins.is_empty() || layers(one).meet(layers(other)))
+        let layers = |slot: u32| properties_of(self.properties, slot as usize).layers;
+        (self.properties.is_empty() || layers(one).meet(layers(other)))
             && !Exclusions::are_of_one_family(self.particles.families(), one, other)
     }
 }

@@ -162,8 +162,8 @@ pub(super) struct Group {
     pub pairs: Range<usize>,
     /// Number of them that are contacts.
     pub contacts: usize,
-    /// Whether any of them are entangled.
-    pub entangled: bool,
+    /// Whether any of them overlap from the start.
+    pub any_initial_overlaps: bool,
     /// Whether the last iteration had to correct any.
     pub corrected: bool,
 }

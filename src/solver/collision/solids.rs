@@ -3,8 +3,8 @@
 use super::collider::{Collider, Placed};
 use super::feature_search::Surroundings;
 use super::features::Feature;
-use super::guard::Around;
-use super::material::Skin;
+use super::guard::GuardContext;
+use super::material::ContactProperties;
 use super::touch_search::Search;
 use super::{ContactCaches, ContactMemory, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
@@ -70,16 +70,16 @@ impl ContactCaches {
     pub fn stop_at_colliders(
         &mut self,
         particles: &mut Particles,
-        (colliders, skins): (&[Collider], &[Skin]),
+        (colliders, properties): (&[Collider], &[ContactProperties]),
         resting_speed: f32,
     ) -> bool {
         let Self { placed, features, feature_search, previous, guard, .. } = self;
         if placed.is_empty() {
             return false;
         }
-        let surroundings = Surroundings { colliders, placed, skins, previous };
-        let around = Around { features: features.all(), surroundings, resting_speed };
-        guard.stop(around, feature_search, particles)
+        let surroundings = Surroundings { colliders, placed, properties, previous };
+        let context = GuardContext { features: features.all(), surroundings, resting_speed };
+        guard.stop(context, feature_search, particles)
     }
 
     /// Whether any collider moves.
@@ -100,7 +100,7 @@ fn search<'a>(
     (previous, is_implicit): (&'a Vectors, &'a [bool]),
     senses: bool,
 ) -> Search<'a> {
-    let Substep { colliders, skins, acceleration, .. } = substep;
+    let Substep { colliders, properties, acceleration, .. } = substep;
     let rebound = substep.rebound();
-    Search { colliders, placed, particles, previous, acceleration, skins, is_implicit, rebound, senses }
+    Search { colliders, placed, particles, previous, acceleration, properties, is_implicit, rebound, senses }
 }

@@ -92,7 +92,7 @@ impl ContactCaches {
         }
         touches.last.clear();
         if takes_back {
-            touches.last.extend(touches.all.iter().map(|touch| (touch.key, touch.given)));
+            touches.last.extend(touches.all.iter().map(|touch| (touch.key, touch.accumulated)));
         }
     }
 }

@@ -4,7 +4,7 @@ use bevy::math::{DVec3, Vec3};
 
 use super::Surroundings;
 use super::grid::Grid;
-use super::material::skin_of;
+use super::material::properties_of;
 use crate::solver::elements::Elements;
 use crate::solver::graph::Exclusions;
 use crate::solver::particles::{Particles, Vectors};
@@ -27,12 +27,12 @@ pub(in crate::solver) struct StiffPair {
 pub(in crate::solver) struct StiffPairs {
     grid: Grid,
     exclusions: Exclusions,
-    /// The spheres around the ways: slots, centres and radii, m.
+    /// The spheres around the paths: slots, centres and radii, m.
     swept: Vec<(u32, Vec3, f32)>,
     near: Vec<(u32, u32)>,
     /// The pairs that touch: their slots, the direction, and whether they overlapped at the start.
     touching: Vec<([u32; 2], Vec3, bool)>,
-    entangled: Vec<[u32; 2]>,
+    initial_overlaps: Vec<[u32; 2]>,
 }
 
 impl StiffPairs {
@@ -47,7 +47,7 @@ impl StiffPairs {
         is_in_island: impl Fn(u32) -> bool + Sync,
         found: &mut Vec<StiffPair>,
     ) {
-        let Self { grid, exclusions, swept, near, touching, entangled } = self;
+        let Self { grid, exclusions, swept, near, touching, initial_overlaps } = self;
         let covered = surroundings.covered;
         let is_sphere = |slot: usize| particles.radius()[slot] > 0.0 && covered.get(slot) != Some(&true);
         let spheres = slots.filter(|slot| is_sphere(*slot)).map(|slot| {
@@ -75,17 +75,17 @@ impl StiffPairs {
         }
         let memory = surroundings.memory;
         exclusions.rebuild(particles, elements, &[]);
-        entangled.clear();
-        entangled.extend_from_slice(memory.entangled());
-        entangled.sort_unstable();
+        initial_overlaps.clear();
+        initial_overlaps.extend_from_slice(memory.initial_overlaps());
+        initial_overlaps.sort_unstable();
         touching.sort_unstable_by_key(|(slots, ..)| *slots);
         let known = found.len();
         for &(slots, normal, overlapped) in &*touching {
             let is_new = || !slots.iter().all(|slot| memory.has_searched(*slot));
-            let layers = slots.map(|slot| skin_of(surroundings.skins, slot as usize).layers);
+            let layers = slots.map(|slot| properties_of(surroundings.properties, slot as usize).layers);
             let is_excluded = exclusions.contains(slots[0], slots[1])
                 || !layers[0].meet(layers[1])
-                || (overlapped && (is_new() || entangled.binary_search(&slots).is_ok()))
+                || (overlapped && (is_new() || initial_overlaps.binary_search(&slots).is_ok()))
                 || found[..known].binary_search_by_key(&slots, |pair| pair.slots).is_ok();
             if !is_excluded {
                 found.push(StiffPair { slots, normal: normal.as_dvec3().normalize() });
@@ -103,25 +103,25 @@ fn geometric_mean(values: impl Iterator<Item = f32>) -> f32 {
     f32::from_bits(u64::checked_div(sum, count).unwrap_or_default() as u32)
 }
 
-/// The direction of the separation when it first is as short as `reach` on the straight way from `start` to `end`;
+/// The direction of the separation when it first is as short as `reach` on the straight path from `start` to `end`;
 /// that at the start, if it is shorter then, and they stay so or pass into each other. `None` if it never is.
 pub(super) fn touch(start: Vec3, end: Vec3, reach: f32) -> Option<Vec3> {
     let outside = start.length_squared() - reach * reach;
-    let way = end - start;
-    let (square, half) = (way.length_squared(), start.dot(way));
+    let displacement = end - start;
+    let (square, half) = (displacement.length_squared(), start.dot(displacement));
     if outside <= 0.0 {
-        let nearest = start + way * (-half / square).min(1.0);
+        let nearest = start + displacement * (-half / square).min(1.0);
         let passes = half < 0.0 && nearest.length_squared() < PASSING_DISTANCE * reach * reach;
         let is_nearer = end.length_squared() < reach * reach;
         return (is_nearer || passes).then(|| if start == Vec3::ZERO { Vec3::Y } else { start });
     }
-    // ‖start + t way‖² = reach²
+    // ‖start + t displacement‖² = reach²
     let discriminant = half * half - square * outside;
     if half >= 0.0 || discriminant < 0.0 {
         return None;
     }
     let time = outside / (discriminant.sqrt() - half);
-    (time <= 1.0).then(|| start + time * way)
+    (time <= 1.0).then(|| start + time * displacement)
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ use slide::Slide;
 /// Relative displacement of a pair in a substep above which it is swept, as a part of the sum of its radii; and of one
 /// particle above which its pairs are looked for, as a part of its radius. Of a pair above the first at least one
 /// particle is above the second.
-const SWEPT_WAY: f32 = 0.5;
+const SWEEP_THRESHOLD: f32 = 0.5;
 
 /// How far into each other two particles are put back, as a part of the sum of their radii: they shall touch for
 /// certain.
@@ -87,7 +87,7 @@ impl Sweep {
         previous: &Vectors,
         is_swept: impl Fn(usize) -> bool,
     ) -> bool {
-        self.common = common_way(particles, previous);
+        self.common = common_displacement(particles, previous);
         let paths = Paths { particles, previous, common: self.common, stops: &[] };
         let radius = particles.radius();
         self.is_fast.clear();
@@ -98,8 +98,8 @@ impl Sweep {
             return false;
         }
         self.is_fast.extend(radius.iter().enumerate().map(|(slot, radius)| {
-            let least = SWEPT_WAY * radius;
-            *radius > 0.0 && is_swept(slot) && paths.way(slot).length_squared() > least * least
+            let least = SWEEP_THRESHOLD * radius;
+            *radius > 0.0 && is_swept(slot) && paths.displacement(slot).length_squared() > least * least
         }));
         self.is_fast.contains(&true)
     }
@@ -193,13 +193,13 @@ fn accept(
 }
 
 impl Paths<'_> {
-    /// The way of a particle, apart from the common one, m.
+    /// The displacement of a particle, apart from the common one, m.
     #[inline]
-    fn way(&self, slot: usize) -> Vec3 {
+    fn displacement(&self, slot: usize) -> Vec3 {
         self.particles.position.get(slot) - self.previous.get(slot) - self.common
     }
 
-    /// Whether any sphere moves by more than [`SWEPT_WAY`] of its radius. Without a branch: this is looked at in each substep.
+    /// Whether any sphere moves by more than [`SWEEP_THRESHOLD`] of its radius. Without a branch: this is looked at in each substep.
     fn any_long(&self) -> bool {
         let count = self.particles.len();
         let [to, from] =
@@ -208,9 +208,11 @@ impl Paths<'_> {
         let common = self.common.to_array();
         let mut any = false;
         for slot in 0..count {
-            let way = |axis: usize| to[axis][slot] - from[axis][slot] - common[axis];
-            let square = way(0) * way(0) + way(1) * way(1) + way(2) * way(2);
-            let least = SWEPT_WAY * radius[slot];
+            let displacement = |axis: usize| to[axis][slot] - from[axis][slot] - common[axis];
+            let square = displacement(0) * displacement(0)
+                + displacement(1) * displacement(1)
+                + displacement(2) * displacement(2);
+            let least = SWEEP_THRESHOLD * radius[slot];
             any |= (square > least * least) & (least > 0.0);
         }
         any
@@ -218,7 +220,7 @@ impl Paths<'_> {
 
     /// A sphere that holds a particle all the way, unless it is a point or flies beyond all numbers.
     fn sphere(&self, slot: usize) -> Option<(Vec3, f32)> {
-        let (radius, half) = (self.particles.radius()[slot], 0.5 * self.way(slot));
+        let (radius, half) = (self.particles.radius()[slot], 0.5 * self.displacement(slot));
         let (centre, reach) = (self.previous.get(slot) + half, half.length() + radius);
         (radius > 0.0 && centre.is_finite() && reach.is_finite()).then_some((centre, reach))
     }
@@ -259,18 +261,19 @@ impl Paths<'_> {
             let start = self.previous.get(slot).as_dvec3();
             (start, self.particles.position.get(slot).as_dvec3() - start)
         };
-        let ((one_start, one_way), (other_start, other_way)) = (path(one), path(other));
+        let ((one_start, one_displacement), (other_start, other_displacement)) = (path(one), path(other));
         let reach = f64::from(self.particles.radius()[one]) + f64::from(self.particles.radius()[other]);
-        let rounding = 4.0 * f64::from(f32::EPSILON) * (one_start.abs() + one_way.abs()).max_element();
+        let rounding =
+            4.0 * f64::from(f32::EPSILON) * (one_start.abs() + one_displacement.abs()).max_element();
         let depth = TOUCHING_DEPTH * reach + rounding;
         let [first, last] = {
             let (one, other) = (self.stops[one], self.stops[other]);
             [one.min(other), one.max(other)]
         };
         let separation = one_start - other_start;
-        let change = one_way - other_way;
+        let change = one_displacement - other_displacement;
         let time = first_touch(separation, change, first, reach, depth).or_else(|| {
-            let alone = if self.stops[one] == last { one_way } else { -other_way };
+            let alone = if self.stops[one] == last { one_displacement } else { -other_displacement };
             let time = first_touch(separation + first * change, alone, last - first, reach, depth)?;
             Some(first + time)
         })?;
@@ -282,10 +285,10 @@ impl Paths<'_> {
 /// change in a substep, and R the sum `reach` of their radii less the `depth` to which they are put into each other.
 fn first_touch(separation: DVec3, change: DVec3, until: f64, reach: f64, depth: f64) -> Option<f64> {
     let way_squared = change.length_squared();
-    let swept_way = f64::from(SWEPT_WAY) * reach;
+    let sweep_threshold = f64::from(SWEEP_THRESHOLD) * reach;
     let approach = -separation.dot(change);
     // Written so that NaN takes this branch.
-    if !(way_squared > swept_way * swept_way && approach > 0.0) {
+    if !(way_squared > sweep_threshold * sweep_threshold && approach > 0.0) {
         return None;
     }
     // Twice as deep at least: what has been put back is not found again.
@@ -301,7 +304,7 @@ fn first_touch(separation: DVec3, change: DVec3, until: f64, reach: f64, depth: 
 }
 
 /// About what all particles have moved by: the mean of every sixteenth. Zero if it is not finite.
-fn common_way(particles: &Particles, previous: &Vectors) -> Vec3 {
+fn common_displacement(particles: &Particles, previous: &Vectors) -> Vec3 {
     let sample = (0..particles.len()).step_by(16);
     let size = sample.len() as f32;
     let mean = sample.map(|slot| particles.position.get(slot) - previous.get(slot)).sum::<Vec3>() / size;
@@ -371,13 +374,13 @@ mod tests {
 
     #[test]
     fn what_passes_by_or_moves_together_or_away_goes_where_it_goes() {
-        let ways = [
+        let displacements = [
             [(Vec3::ZERO, Vec3::X * 4.0), (Vec3::new(2.0, 0.21, 0.0), Vec3::new(2.0, 0.21, 0.0))],
             [(Vec3::ZERO, Vec3::X * 4.0), (Vec3::X * 0.15, Vec3::X * 4.11)],
             [(Vec3::ZERO, Vec3::ZERO), (Vec3::X * 0.1, Vec3::X * 4.0)],
             [(Vec3::ZERO, Vec3::X * 4.0), (Vec3::Y * 3.0, Vec3::NAN)],
         ];
-        for paths in ways {
+        for paths in displacements {
             let ends = put(&paths, &[]);
             assert_eq!(ends[0], paths[0].1);
             assert!(ends[1] == paths[1].1 || paths[1].1.is_nan());

@@ -48,29 +48,29 @@ pub(super) struct Touch {
     /// Normal impulse given so far in this substep, N·s.
     pub impulse: f32,
     /// Used only where contacts may take back what they have given too much.
-    pub given: Given,
+    pub accumulated: AccumulatedCorrection,
     /// What names it among those of the substep before.
     pub key: u64,
 }
 
 /// What a contact has done so far in this substep; until it starts, what it did in the substep before.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Given {
+pub(super) struct AccumulatedCorrection {
     /// Change of the velocity along the normal, m/s, >= 0, and by friction.
     velocity: f32,
-    rubbed: Vec3,
+    friction_velocity: Vec3,
     /// The same of the position, m.
     depth: f32,
-    held: Vec3,
+    friction_displacement: Vec3,
 }
 
 /// Gives each contact what it did in the substep before, of which `last` has the keys in the same order.
-pub(super) fn recall(touches: &mut [Touch], last: &[(u64, Given)]) {
+pub(super) fn recall(touches: &mut [Touch], last: &[(u64, AccumulatedCorrection)]) {
     let mut last = last.iter().peekable();
     for touch in touches {
         while last.next_if(|(key, _)| *key < touch.key).is_some() {}
         if let Some((_, before)) = last.next_if(|(key, _)| *key == touch.key) {
-            touch.given = *before;
+            touch.accumulated = *before;
         }
     }
 }
@@ -102,17 +102,18 @@ impl Touch {
     /// the normal changes, m/s. It `takes_back` what iterations before have given too much.
     pub fn solve_velocity(&mut self, bodies: &mut [Body], takes_back: bool) -> f32 {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
-        let given = if takes_back { self.given } else { Given::default() };
-        let change = (self.target_velocity - relative.dot(self.normal)).max(-given.velocity);
-        let velocity = given.velocity + change;
-        if change.is_nan() || velocity <= 0.0 && given.velocity <= 0.0 {
+        let accumulated = if takes_back { self.accumulated } else { AccumulatedCorrection::default() };
+        let change = (self.target_velocity - relative.dot(self.normal)).max(-accumulated.velocity);
+        let velocity = accumulated.velocity + change;
+        if change.is_nan() || velocity <= 0.0 && accumulated.velocity <= 0.0 {
             return 0.0;
         }
-        let old = Vec3A::from(given.rubbed);
-        let rubbed = shortened(old - tangential(relative, self.normal), self.friction * velocity);
-        let change_of_velocity = self.normal * change + (rubbed - old);
+        let old = Vec3A::from(accumulated.friction_velocity);
+        let friction_velocity = shortened(old - tangential(relative, self.normal), self.friction * velocity);
+        let change_of_velocity = self.normal * change + (friction_velocity - old);
         if takes_back {
-            (self.given.velocity, self.given.rubbed) = (velocity, rubbed.into());
+            (self.accumulated.velocity, self.accumulated.friction_velocity) =
+                (velocity, friction_velocity.into());
         }
         self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         self.impulse += change * self.mass;
@@ -122,14 +123,16 @@ impl Touch {
     /// Begins with the impulse of the substep before.
     pub fn start_velocity(&mut self, bodies: &mut [Body]) {
         let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
-        let Given { velocity, rubbed, .. } = self.given;
-        (self.given.velocity, self.given.rubbed) = Default::default();
+        let AccumulatedCorrection { velocity, friction_velocity, .. } = self.accumulated;
+        (self.accumulated.velocity, self.accumulated.friction_velocity) = Default::default();
         let change = velocity.min(self.target_velocity - relative.dot(self.normal));
         if change > 0.0 {
-            let rubbed = shortened(tangential(rubbed.into(), self.normal), self.friction * change);
-            (self.given.velocity, self.given.rubbed) = (change, rubbed.into());
+            let friction_velocity =
+                shortened(tangential(friction_velocity.into(), self.normal), self.friction * change);
+            (self.accumulated.velocity, self.accumulated.friction_velocity) =
+                (change, friction_velocity.into());
             self.impulse = change * self.mass;
-            let change_of_velocity = self.normal * change + rubbed;
+            let change_of_velocity = self.normal * change + friction_velocity;
             self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         }
     }
@@ -151,13 +154,15 @@ impl Touch {
 
     /// Begins with the correction of the substep before.
     pub fn start_position(&mut self, bodies: &mut [Body]) {
-        let Given { depth, held, .. } = self.given;
-        (self.given.depth, self.given.held) = Default::default();
+        let AccumulatedCorrection { depth, friction_displacement, .. } = self.accumulated;
+        (self.accumulated.depth, self.accumulated.friction_displacement) = Default::default();
         let depth = depth.min(self.depth_among(bodies));
         if depth > 0.0 {
-            let held = shortened(tangential(held.into(), self.normal), self.friction * depth);
-            (self.given.depth, self.given.held) = (depth, held.into());
-            let correction = self.normal * depth + held;
+            let friction_displacement =
+                shortened(tangential(friction_displacement.into(), self.normal), self.friction * depth);
+            (self.accumulated.depth, self.accumulated.friction_displacement) =
+                (depth, friction_displacement.into());
+            let correction = self.normal * depth + friction_displacement;
             self.each(bodies, |body, share| body.position += correction * share);
         }
     }
@@ -180,22 +185,23 @@ impl Touch {
 
     /// Puts the point back onto the surface; static friction, back to where it stuck.
     pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32, takes_back: bool) {
-        let given = if takes_back { self.given } else { Given::default() };
-        let change = self.depth_among(bodies).max(-given.depth);
-        let depth = given.depth + change;
-        if change.is_nan() || depth <= 0.0 && given.depth <= 0.0 {
+        let accumulated = if takes_back { self.accumulated } else { AccumulatedCorrection::default() };
+        let change = self.depth_among(bodies).max(-accumulated.depth);
+        let depth = accumulated.depth + change;
+        if change.is_nan() || depth <= 0.0 && accumulated.depth <= 0.0 {
             return;
         }
         let mut correction = self.normal * change;
-        let mut held = Vec3A::from(given.held);
+        let mut friction_displacement = Vec3A::from(accumulated.friction_displacement);
         if self.friction > 0.0 {
             let slip = self.sum(bodies, Body::moved) - self.surface_velocity * substep;
-            let old = held;
-            held = shortened(old - tangential(slip, self.normal), self.friction * depth);
-            correction += held - old;
+            let old = friction_displacement;
+            friction_displacement = shortened(old - tangential(slip, self.normal), self.friction * depth);
+            correction += friction_displacement - old;
         }
         if takes_back {
-            (self.given.depth, self.given.held) = (depth, held.into());
+            (self.accumulated.depth, self.accumulated.friction_displacement) =
+                (depth, friction_displacement.into());
         }
         self.each(bodies, |body, share| body.position += correction * share);
     }

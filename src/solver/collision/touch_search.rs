@@ -11,10 +11,10 @@ use crate::solver::parallel;
 use crate::solver::particles::{Particles, Vectors};
 
 use super::collider::{Collider, Placed};
-use super::material::{Skin, skin_of};
+use super::material::{ContactProperties, properties_of};
 use super::response::{Approach, Rebound};
 use super::shapes::{Bounds, Nearest, Vicinity};
-use super::touch::{Given, Touch};
+use super::touch::{AccumulatedCorrection, Touch};
 
 /// Number of consecutive particles that are looked for together.
 const CHUNK: usize = 32;
@@ -27,7 +27,7 @@ const MIN_SHARED: usize = 4096;
 
 /// Displacement in a substep above which a particle is swept, as a part of its radius; it is put where its centre is as near
 /// to the surface as that.
-const SWEPT_WAY: f64 = 0.5;
+const SWEEP_THRESHOLD: f64 = 0.5;
 
 /// Surfaces that one particle meets in a substep, at most.
 const MAX_MEETINGS: usize = 8;
@@ -42,7 +42,7 @@ pub(super) struct Search<'a> {
     pub previous: &'a Vectors,
     /// Of the last evaluation of the forces, m/s².
     pub acceleration: &'a Vectors,
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
     /// Whether an implicit step has seen to the particle in each slot.
     pub is_implicit: &'a [bool],
     pub rebound: Rebound,
@@ -58,7 +58,7 @@ pub(super) struct Touches {
     /// The slots and numbers of colliders that are sensors.
     pub sensed: Vec<(u32, u32)>,
     /// What contacts did in the last substep of this tick, by their keys, where they know of each other.
-    pub last: Vec<(u64, Given)>,
+    pub last: Vec<(u64, AccumulatedCorrection)>,
     parts: Vec<Part>,
 }
 
@@ -180,20 +180,20 @@ impl Part {
         (near, own, is_implicit): (&[u32], &Bounds, bool),
         touches: &mut Vec<Touch>,
     ) {
-        let Search { colliders, placed, particles, previous, skins, .. } = search;
-        let skin = skin_of(skins, slot);
+        let Search { colliders, placed, particles, previous, properties, .. } = search;
+        let own_properties = properties_of(properties, slot);
         let radius = f64::from(particles.radius()[slot]);
         let end = particles.position.get(slot).as_dvec3();
         let collider = |place: usize| &colliders[placed.numbers[place] as usize];
         let candidates = || {
             let near = near.iter().map(|place| *place as usize);
             near.filter(|place| {
-                placed.bounds[*place].overlaps(own) && skin.layers.meet(collider(*place).layers)
+                placed.bounds[*place].overlaps(own) && own_properties.layers.meet(collider(*place).layers)
             })
         };
         if search.senses {
             for place in candidates().filter(|place| collider(*place).is_sensor) {
-                let local = placed.moments[place].to.to_local(end);
+                let local = placed.motions[place].to.to_local(end);
                 if collider(place).shape.nearest(local, 0.0).distance <= radius {
                     self.sensed.push((slot as u32, placed.numbers[place]));
                 }
@@ -219,7 +219,7 @@ impl Part {
         let meetings = || swept.iter().flat_map(|(meetings, _)| meetings.iter().flatten());
         touches.extend(meetings().map(|meeting| search.touch(slot, *meeting, position)));
         for place in solid().filter(|place| meetings().all(|meeting| meeting.place != *place)) {
-            let to = placed.moments[place].to;
+            let to = placed.motions[place].to;
             let Some(nearest) = self.nearest(search, slot, place, position) else { continue };
             let normal = to.direction(&collider(place).shape, nearest.normal);
             let foot = position - normal * nearest.distance;
@@ -236,9 +236,9 @@ impl Part {
 impl Part {
     /// The nearest point of a shape, if it is at most `within` m away or the particle is inside.
     fn nearest(&mut self, search: Search, slot: usize, place: usize, position: DVec3) -> Option<Nearest> {
-        let moment = &search.placed.moments[place];
+        let motion = &search.placed.motions[place];
         let shape = &search.colliders[search.placed.numbers[place] as usize].shape;
-        let local = moment.to.to_local(position);
+        let local = motion.to.to_local(position);
         let Some(mesh) = shape.as_mesh() else { return Some(shape.nearest(local, 0.0)) };
         let radius = f64::from(search.particles.radius()[slot]);
         let within = radius + 1.1 * rounding(position, radius, position);
@@ -246,7 +246,7 @@ impl Part {
             self.vicinities.resize(CHUNK * CHUNKS_PER_PART, Vicinity::default());
         }
         let margin = || {
-            let before = moment.from.to_local(search.previous.get(slot).as_dvec3());
+            let before = motion.from.to_local(search.previous.get(slot).as_dvec3());
             0.1 * radius + 8.0 * local.distance(before)
         };
         self.vicinities[slot - self.start].nearest(mesh, local, within, margin)
@@ -254,7 +254,7 @@ impl Part {
 }
 
 impl Search<'_> {
-    /// What bounds a particle and its way in the substep.
+    /// What bounds a particle and its path in the substep.
     fn bounds_of_one(&self, slot: usize) -> Bounds {
         let (now, before) = (self.particles.position.get(slot), self.previous.get(slot));
         let radius = self.particles.radius()[slot];
@@ -293,7 +293,7 @@ impl Search<'_> {
         for meeting in &mut meetings {
             let Some(met) = found else { return (meetings, position) };
             *meeting = Some(met);
-            let kept = SWEPT_WAY * radius + rounding(position, radius, met.foot);
+            let kept = SWEEP_THRESHOLD * radius + rounding(position, radius, met.foot);
             let pushed = kept - (position - met.foot).dot(met.normal);
             position += met.normal * pushed;
             position -= self.undone_slip(slot, met, position, pushed);
@@ -306,11 +306,11 @@ impl Search<'_> {
     /// How much of the slip since the meeting static friction undoes, of a particle that was pushed back by `pushed` m, m.
     fn undone_slip(&self, slot: usize, met: Meeting, position: DVec3, pushed: f64) -> DVec3 {
         let collider = &self.colliders[self.placed.numbers[met.place] as usize];
-        let [_, friction] = collider.material.between(skin_of(self.skins, slot).material);
+        let [_, friction] = collider.material.between(properties_of(self.properties, slot).material);
         if friction == 0.0 {
             return DVec3::ZERO;
         }
-        let carried = self.placed.moments[met.place].sliding(collider) * f64::from(self.rebound.substep);
+        let carried = self.placed.motions[met.place].sliding(collider) * f64::from(self.rebound.substep);
         let apart = position - met.foot - carried * met.left;
         let slip = apart - met.normal * apart.dot(met.normal);
         slip.clamp_length_max(f64::from(friction) * pushed.max(0.0))
@@ -323,15 +323,15 @@ impl Search<'_> {
         [start, end]: [DVec3; 2],
         radius: f64,
     ) -> Option<Meeting> {
-        let kept = SWEPT_WAY * radius;
+        let kept = SWEEP_THRESHOLD * radius;
         let is_slow = start.distance_squared(end) < kept * kept;
         if is_slow && self.placed.moving().next().is_none() {
             return None;
         }
         let mut first: Option<(f64, Meeting)> = None;
         for place in places {
-            let moment = &self.placed.moments[place];
-            let (from, to) = (moment.from.to_local(start), moment.to.to_local(end));
+            let motion = &self.placed.motions[place];
+            let (from, to) = (motion.from.to_local(start), motion.to.to_local(end));
             if from.distance_squared(to) <= kept * kept {
                 continue;
             }
@@ -339,7 +339,7 @@ impl Search<'_> {
             let Some(touch) = shape.first_touch(from, to, kept) else { continue };
             if first.as_ref().is_none_or(|(time, _)| touch.time < *time) {
                 let (foot, normal) =
-                    (moment.to.to_world(touch.foot), moment.to.direction(shape, touch.normal));
+                    (motion.to.to_world(touch.foot), motion.to.direction(shape, touch.normal));
                 let depth = (radius - (end - foot).dot(normal)).max(0.0);
                 first = Some((touch.time, Meeting { place, foot, normal, depth, left: 1.0 - touch.time }));
             }
@@ -352,8 +352,9 @@ impl Search<'_> {
         let Meeting { place, foot, normal, depth, .. } = meeting;
         let number = self.placed.numbers[place];
         let collider = &self.colliders[number as usize];
-        let surface_velocity = self.placed.moments[place].velocity_at(collider, foot);
-        let [restitution, friction] = collider.material.between(skin_of(self.skins, slot).material);
+        let surface_velocity = self.placed.motions[place].velocity_at(collider, foot);
+        let [restitution, friction] =
+            collider.material.between(properties_of(self.properties, slot).material);
         let velocity = self.particles.velocity.get(slot).as_dvec3();
         let rebound = Rebound { restitution, ..self.rebound };
         let target_velocity = rebound.least_velocity_after(Approach {
@@ -381,7 +382,7 @@ impl Search<'_> {
             friction,
             mass: 1.0 / self.particles.inverse_mass()[slot],
             impulse: 0.0,
-            given: Given::default(),
+            accumulated: AccumulatedCorrection::default(),
             key: (slot as u64) << 32 | u64::from(number),
         }
     }

@@ -1,7 +1,7 @@
 //! Ticks in which nothing touches as long as all chains are free: then substeps need no contacts, only a look at the chains
 //! (`step/in_place.rs`).
 //!
-//! A free chain touches nothing else while it is in what is reserved for it, and nothing of its own while it leads on in some direction, or,
+//! A free chain touches nothing else while it is in what is reserved for it, and nothing of its own while it is monotone along some direction, or,
 //! of spheres, keeps within its play (`chains.rs`). All of these are convex: what holds at the start and at the end of a substep holds in
 //! between, too. So nothing passes through another unseen. Where it does not hold after a substep, the tick is taken again with contacts;
 //! a search before the tick, where velocities lead out, makes that rare.
@@ -9,8 +9,8 @@
 use bevy::math::Vec3;
 
 use super::broad_phase::{BroadPhase, mean};
-use super::chains::{Chain, Proof, Sought};
-use super::extents::{Coordinates, Lead, leads_on};
+use super::chains::{Chain, ChainPurpose, Proof};
+use super::extents::{Coordinates, MonotoneDirection, is_monotone};
 use super::shapes::Bounds;
 use super::{Collider, ContactCaches, ContactMemory, Substep};
 use crate::solver::graph::Exclusions;
@@ -20,18 +20,18 @@ use crate::solver::particles::{Particles, Vectors};
 const MAX_PAUSE: u32 = 16;
 
 /// What a particle is ahead of the one before it, at least, as a multiple of the thickness of the chain: the rest is for rounding.
-const LEAD: f32 = 1.01;
+const MIN_ADVANCE: f32 = 1.01;
 
 /// What it is to be where velocities lead to.
-const EXPECTED_LEAD: f32 = 1.2;
+const EXPECTED_ADVANCE: f32 = 1.2;
 
-/// Number of times that a direction in which a chain leads on is sought anew.
+/// Number of times that a direction along which a chain is monotone is searched for anew.
 const MAX_TURNS: usize = 6;
 
 /// What is to be looked at after each substep.
 pub(in crate::solver) struct Watch<'a> {
     chains: &'a [Chain],
-    leads: &'a [Lead],
+    directions: &'a [MonotoneDirection],
     links: &'a Vectors,
     drift: Drift,
     /// s.
@@ -41,13 +41,13 @@ pub(in crate::solver) struct Watch<'a> {
 /// What all have moved by since the search when the tick begins, m, and go on with, m/s.
 #[derive(Clone, Copy)]
 struct Drift {
-    way: Vec3,
+    displacement: Vec3,
     velocity: Vec3,
 }
 
 impl Drift {
     fn after(self, duration: f32) -> Vec3 {
-        self.way + self.velocity * duration
+        self.displacement + self.velocity * duration
     }
 }
 
@@ -56,10 +56,10 @@ impl Watch<'_> {
     pub fn holds(&self, particles: Coordinates, substeps: u32) -> bool {
         let (first, [x, _, _]) = particles;
         let from = self.chains.partition_point(|chain| chain.slots().start < first);
-        let (chains, leads) = (&self.chains[from..], &self.leads[from..]);
+        let (chains, directions) = (&self.chains[from..], &self.directions[from..]);
         let to = chains.partition_point(|chain| chain.slots().start < first + x.len());
         let common = self.drift.after(substeps as f32 * self.substep);
-        let free = AreFree { chains: &chains[..to], leads, links: self.links, particles, common };
+        let free = AreFree { chains: &chains[..to], directions, links: self.links, particles, common };
         pulp::Arch::new().dispatch(free)
     }
 }
@@ -67,7 +67,7 @@ impl Watch<'_> {
 /// Whether chains are free.
 struct AreFree<'a> {
     chains: &'a [Chain],
-    leads: &'a [Lead],
+    directions: &'a [MonotoneDirection],
     links: &'a Vectors,
     particles: Coordinates<'a>,
     common: Vec3,
@@ -78,12 +78,12 @@ impl pulp::WithSimd for AreFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> bool {
-        let Self { chains, leads, links, particles, common } = self;
-        for (chain, lead) in chains.iter().zip(leads) {
-            let is_free = if lead.direction == Vec3::ZERO {
+        let Self { chains, directions, links, particles, common } = self;
+        for (chain, monotone) in chains.iter().zip(directions) {
+            let is_free = if monotone.direction == Vec3::ZERO {
                 chain.is_free(particles, links, common)
             } else {
-                leads_on(simd, chain, particles, (common, chain.margin), *lead)
+                is_monotone(simd, chain, particles, (common, chain.margin), *monotone)
             };
             if !is_free {
                 return false;
@@ -96,7 +96,7 @@ impl pulp::WithSimd for AreFree<'_> {
 /// Whether chains will be free at the end of a tick, and by what; the play of those that will have used it up is found anew.
 struct WillBeFree<'a> {
     chains: &'a mut [Chain],
-    leads: &'a mut Vec<Lead>,
+    directions: &'a mut Vec<MonotoneDirection>,
     links: &'a mut Vectors,
     particles: &'a Particles,
     /// Where velocities lead to, m.
@@ -114,32 +114,36 @@ impl pulp::WithSimd for WillBeFree<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> bool {
-        let Self { chains, leads, links, particles, ahead, exclusions, drift, time_step, with_edges } = self;
-        let (here, now, then) = ((0, particles.position.axes()), drift.way, drift.after(time_step));
-        leads.clear();
+        let Self { chains, directions, links, particles, ahead, exclusions, drift, time_step, with_edges } =
+            self;
+        let (here, now, then) = ((0, particles.position.axes()), drift.displacement, drift.after(time_step));
+        directions.clear();
         for chain in chains {
-            let mut lead =
-                Lead { direction: chord(chain, ahead), distance: 2.0 * EXPECTED_LEAD * chain.radius };
-            let leads_ahead = |lead| leads_on(simd, chain, (0, ahead.axes()), (then, Vec3::ZERO), lead);
-            let mut is_found = leads_ahead(lead);
+            let mut monotone = MonotoneDirection {
+                direction: chord(chain, ahead),
+                min_advance: 2.0 * EXPECTED_ADVANCE * chain.radius,
+            };
+            let is_monotone_ahead =
+                |monotone| is_monotone(simd, chain, (0, ahead.axes()), (then, Vec3::ZERO), monotone);
+            let mut is_found = is_monotone_ahead(monotone);
             // Spheres may have play.
             let turns = if with_edges { MAX_TURNS } else { 0 };
             for _ in 0..turns {
                 if is_found {
                     break;
                 }
-                lead.direction = turned(lead.direction, chain, ahead);
-                is_found = leads_ahead(lead);
+                monotone.direction = turned(monotone.direction, chain, ahead);
+                is_found = is_monotone_ahead(monotone);
             }
-            lead.distance = 2.0 * LEAD * chain.radius;
-            if is_found && leads_on(simd, chain, here, (now, chain.margin), lead) {
-                leads.push(lead);
+            monotone.min_advance = 2.0 * MIN_ADVANCE * chain.radius;
+            if is_found && is_monotone(simd, chain, here, (now, chain.margin), monotone) {
+                directions.push(monotone);
                 continue;
             }
             if with_edges {
                 return false;
             }
-            leads.push(Lead::default());
+            directions.push(MonotoneDirection::default());
             let [outside, bent] = chain.proofs(ahead, links, then);
             if outside != Proof::Holds {
                 return false;
@@ -165,8 +169,8 @@ fn chord(chain: &Chain, positions: &Vectors) -> Vec3 {
     (last - first).normalize_or_zero()
 }
 
-/// A direction nearer to that of the link that leads on the least (the perceptron: Rosenblatt, *Psychological Review* 65, 386, 1958; it finds
-/// one in which all links lead on, if there is any).
+/// A direction nearer to that of the link that advances the least (the perceptron: Rosenblatt, *Psychological Review* 65, 386, 1958; it finds
+/// one along which all links advance, if there is any).
 #[inline(always)]
 fn turned(direction: Vec3, chain: &Chain, positions: &Vectors) -> Vec3 {
     let (mut least, mut worst) = (f32::INFINITY, Vec3::ZERO);
@@ -187,7 +191,7 @@ fn turned(direction: Vec3, chain: &Chain, positions: &Vectors) -> Vec3 {
 impl BroadPhase {
     fn drift(&self, particles: &Particles) -> Drift {
         let velocity = mean(particles.len(), |slot| particles.velocity.get(slot));
-        Drift { way: self.common_way(particles), velocity }
+        Drift { displacement: self.common_displacement(particles), velocity }
     }
 
     fn number_in_chains(&self) -> usize {
@@ -227,7 +231,7 @@ impl ContactCaches {
         if !self.will_be_free(memory, particles, substep, with_edges) {
             let Self { candidates, pair_contacts, .. } = &mut *self;
             let start = (particles, &particles.position);
-            candidates.renew(memory, pair_contacts, start, substep, Sought::ForTick);
+            candidates.renew(memory, pair_contacts, start, substep, ChainPurpose::ForTick);
             if !memory.nothing_has_a_skin(count) || !self.will_be_free(memory, particles, substep, with_edges)
             {
                 memory.broad_phase.as_mut()?.pause_ticks();
@@ -236,16 +240,16 @@ impl ContactCaches {
         }
         let last = memory.broad_phase.as_mut()?;
         let drift = last.drift(particles);
-        let way = [drift.way, drift.after(settings.time_step)];
-        if self.is_near_colliders(last, particles, colliders, way) {
+        let displacement = [drift.displacement, drift.after(settings.time_step)];
+        if self.is_near_colliders(last, particles, colliders, displacement) {
             last.pause_ticks();
             return None;
         }
         let last = memory.broad_phase.as_ref()?;
         self.rest();
         self.candidates.proof = Proof::Holds;
-        let leads = &self.leads;
-        Some(Watch { chains: &last.chains, leads, links: &last.chain_links, drift, substep: duration })
+        let directions = &self.directions;
+        Some(Watch { chains: &last.chains, directions, links: &last.chain_links, drift, substep: duration })
     }
 
     /// To be called after a tick that was watched: whether what was watched held in all its `substeps`.
@@ -277,7 +281,7 @@ impl ContactCaches {
         substep: Substep,
         with_edges: bool,
     ) -> bool {
-        let Self { candidates, previous: ahead, leads, .. } = self;
+        let Self { candidates, previous: ahead, directions, .. } = self;
         candidates.refresh_exclusions(memory, particles, substep.elements);
         let Some(last) = memory.broad_phase.as_mut() else { return false };
         if with_edges && last.number_in_chains() < particles.len() {
@@ -288,7 +292,7 @@ impl ContactCaches {
         let (exclusions, BroadPhase { chains, chain_links: links, .. }) = (&candidates.exclusions, last);
         pulp::Arch::new().dispatch(WillBeFree {
             chains,
-            leads,
+            directions,
             links,
             particles,
             ahead,
@@ -299,13 +303,13 @@ impl ContactCaches {
         })
     }
 
-    /// Whether anything of the chains may touch a collider in a tick in which all move `way`, or anything else may.
+    /// Whether anything of the chains may touch a collider in a tick in which all move `displacement`, or anything else may.
     fn is_near_colliders(
         &self,
         last: &BroadPhase,
         particles: &Particles,
         colliders: &[Collider],
-        way: [Vec3; 2],
+        displacement: [Vec3; 2],
     ) -> bool {
         if self.placed.is_empty() && self.placed.planes.is_empty() {
             return false;
@@ -317,7 +321,10 @@ impl ContactCaches {
         }
         last.chains.iter().any(|chain| {
             let (radius, [least, most]) = (chain.radius, chain.reserved());
-            let [low, high] = [way[0].min(way[1]) + least - radius, way[0].max(way[1]) + most + radius];
+            let [low, high] = [
+                displacement[0].min(displacement[1]) + least - radius,
+                displacement[0].max(displacement[1]) + most + radius,
+            ];
             let is_below = |plane: &Collider| {
                 let normal = plane.start.rotation * Vec3::Y;
                 let lowest = Vec3::select(normal.cmpgt(Vec3::ZERO), low, high);

@@ -22,7 +22,7 @@ const MIN_ROUNDINGS: f64 = 32.0;
 const TILT: f32 = 0.05;
 
 /// A spring without a direction.
-struct Knot {
+struct CoincidentSpring {
     ends: [u32; 2],
     rest_length: f32,
 }
@@ -34,25 +34,25 @@ pub(in crate::solver) fn part_coincident(
     particles: &mut Particles,
     (gravity, is_flat): (Vec3, bool),
 ) {
-    let knots = find(elements, particles);
-    if knots.is_empty() {
+    let springs = find_coincident(elements, particles);
+    if springs.is_empty() {
         return;
     }
     let is_held = find_held(elements, particles);
     let mut forest = Forest::new(particles.len());
-    for [first, second] in knots.iter().map(|knot| knot.ends.map(|end| end as usize)) {
+    for [first, second] in springs.iter().map(|spring| spring.ends.map(|end| end as usize)) {
         if !particles.is_pinned(first) && !particles.is_pinned(second) {
             forest.join(first, second);
         }
     }
-    // The clusters, in the order of their first knots.
+    // The clusters, in the order of their first springs.
     let mut cluster_of_root = vec![u32::MAX; particles.len()];
     let mut clusters = 0;
-    let cluster_of: Vec<usize> = knots
+    let cluster_of: Vec<usize> = springs
         .iter()
-        .map(|knot| {
-            let free = knot.ends.into_iter().find(|end| !particles.is_pinned(*end as usize));
-            let root = forest.root(free.expect("a spring that acts on nothing is no knot") as usize);
+        .map(|spring| {
+            let free = spring.ends.into_iter().find(|end| !particles.is_pinned(*end as usize));
+            let root = forest.root(free.expect("a spring that acts on nothing is not among them") as usize);
             if cluster_of_root[root] == u32::MAX {
                 cluster_of_root[root] = clusters;
                 clusters += 1;
@@ -62,26 +62,28 @@ pub(in crate::solver) fn part_coincident(
         .collect();
     let mut members = Buckets::default();
     members.fill(clusters as usize, |add| {
-        (0..).zip(&cluster_of).for_each(|(knot, cluster)| add(*cluster, knot));
+        (0..).zip(&cluster_of).for_each(|(spring, cluster)| add(*cluster, spring));
     });
     let offsets = vec![None; particles.len()];
-    let mut unfolding = Unfolding { knots: &knots, is_held, offsets, gravity, is_flat };
+    let mut plan = SeparationPlan { springs: &springs, is_held, offsets, gravity, is_flat };
     for cluster in 0..members.len() {
-        let moved = unfolding.unfold(members.of(cluster), particles);
-        unfolding.write(moved, particles);
+        let moved = plan.separate(members.of(cluster), particles);
+        plan.apply(moved, particles);
     }
 }
 
-/// The knots. Where ends differ, as nearly everywhere, no parameters need be read.
-fn find(elements: &Elements, particles: &Particles) -> Vec<Knot> {
+/// The springs without a direction. Where ends differ, as nearly everywhere, no parameters need be read.
+fn find_coincident(elements: &Elements, particles: &Particles) -> Vec<CoincidentSpring> {
     let springs = elements.springs();
     let all = springs.all_ends().iter().zip(springs.elements());
     let coincident = all.filter(|(ends, _)| are_coincident(**ends, particles));
-    let knots = coincident.filter(|(ends, spring)| {
+    let found = coincident.filter(|(ends, spring)| {
         let is_pinned = ends.iter().all(|end| particles.is_pinned(*end as usize));
         spring.acts() && spring.length_at_rest() > 0.0 && !is_pinned
     });
-    knots.map(|(ends, spring)| Knot { ends: *ends, rest_length: spring.length_at_rest() }).collect()
+    found
+        .map(|(ends, spring)| CoincidentSpring { ends: *ends, rest_length: spring.length_at_rest() })
+        .collect()
 }
 
 /// Which particles are held by springs with a direction.
@@ -100,8 +102,9 @@ fn are_coincident(ends: [u32; 2], particles: &Particles) -> bool {
     first == second
 }
 
-struct Unfolding<'a> {
-    knots: &'a [Knot],
+/// Where the ends of coincident springs go.
+struct SeparationPlan<'a> {
+    springs: &'a [CoincidentSpring],
     is_held: Vec<bool>,
     /// How far each particle of a cluster is moved, m.
     offsets: Vec<Option<DVec3>>,
@@ -109,11 +112,11 @@ struct Unfolding<'a> {
     is_flat: bool,
 }
 
-impl Unfolding<'_> {
-    /// Parts the ends of the knots of a cluster, from what is held outwards; the particles, in that order.
-    fn unfold(&mut self, cluster: &[u32], particles: &Particles) -> Vec<u32> {
+impl SeparationPlan<'_> {
+    /// Parts the ends of the springs of a cluster, from what is held outwards; the particles, in that order.
+    fn separate(&mut self, cluster: &[u32], particles: &Particles) -> Vec<u32> {
         let is_root = |end: &u32| particles.is_pinned(*end as usize) || self.is_held[*end as usize];
-        let ends = || cluster.iter().flat_map(|knot| self.knots[*knot as usize].ends);
+        let ends = || cluster.iter().flat_map(|spring| self.springs[*spring as usize].ends);
         let mut order: Vec<u32> = ends().filter(is_root).collect();
         if order.is_empty() {
             order.extend(ends().next());
@@ -121,10 +124,10 @@ impl Unfolding<'_> {
         order.sort_unstable();
         order.dedup();
         order.iter().for_each(|slot| self.offsets[*slot as usize] = Some(DVec3::ZERO));
-        // The knots at each particle, by their rank in the cluster; sorted pairs, since clusters are small.
+        // The springs at each particle, by their rank in the cluster; sorted pairs, since clusters are small.
         let mut at: Vec<(u32, usize)> = (0..)
             .zip(cluster)
-            .flat_map(|(rank, knot)| self.knots[*knot as usize].ends.map(|end| (end, rank)))
+            .flat_map(|(rank, spring)| self.springs[*spring as usize].ends.map(|end| (end, rank)))
             .collect();
         at.sort_unstable();
         let mut done = 0;
@@ -132,13 +135,13 @@ impl Unfolding<'_> {
             done += 1;
             let first = at.partition_point(|(other, _)| *other < slot);
             for &(_, rank) in at[first..].iter().take_while(|(other, _)| *other == slot) {
-                let knot = &self.knots[cluster[rank] as usize];
-                let other = knot.ends[usize::from(knot.ends[0] == slot)];
+                let spring = &self.springs[cluster[rank] as usize];
+                let other = spring.ends[usize::from(spring.ends[0] == slot)];
                 if self.offsets[other as usize].is_none() {
                     let offset = self.offsets[slot as usize].unwrap_or_default();
                     let place = particles.position.get(slot as usize).as_dvec3() + offset;
                     let rounding = f64::from(f32::EPSILON) * place.abs().max_element();
-                    let length = (PARTING * f64::from(knot.rest_length)).max(MIN_ROUNDINGS * rounding);
+                    let length = (PARTING * f64::from(spring.rest_length)).max(MIN_ROUNDINGS * rounding);
                     self.offsets[other as usize] = Some(offset + length * self.direction(rank));
                     order.push(other);
                 }
@@ -163,7 +166,7 @@ impl Unfolding<'_> {
     }
 
     /// Moves the particles of a cluster.
-    fn write(&mut self, moved: Vec<u32>, particles: &mut Particles) {
+    fn apply(&mut self, moved: Vec<u32>, particles: &mut Particles) {
         let is_pinned = |slot: &u32| particles.is_pinned(*slot as usize);
         let (mut moment, mut mass) = (DVec3::ZERO, 0.0);
         for &slot in moved.iter().filter(|slot| !is_pinned(slot)) {

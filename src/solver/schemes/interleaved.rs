@@ -1,7 +1,7 @@
 //! Two schemes in one tick: TR-BDF2 for the stiff islands, an explicit scheme for all others.
 //!
 //! A long step of TR-BDF2 passes through the short substeps of the explicit scheme as a *kick* at its start, which
-//! gives the velocity of its end, and a *glide* along the straight line from x to x':
+//! gives the velocity of its end, and a *linear path* along the straight line from x to x':
 //!
 //! ```text
 //! stiff   kick ──────────────► x'   kick ──────────────► x'
@@ -22,7 +22,7 @@ use crate::solver::particles::{Particles, Vectors};
 /// The motion of the stiff particles within a tick: working memory.
 #[derive(Debug, Clone, Default)]
 pub(in crate::solver) struct Interleaved {
-    glides: Vec<Glide>,
+    paths: Vec<LinearPath>,
     /// Number of those of the stiff islands; behind them are those of particles that these have met.
     own: usize,
     /// Number of those among them that elements join to others: they come first.
@@ -31,7 +31,7 @@ pub(in crate::solver) struct Interleaved {
 
 /// A straight path at constant velocity.
 #[derive(Debug, Clone, Copy, Default)]
-struct Glide {
+struct LinearPath {
     slot: usize,
     start: Vec3,
     target: Vec3,
@@ -46,7 +46,7 @@ struct Glide {
 
 /// Where a substep lies in the long step that it belongs to.
 #[derive(Clone, Copy)]
-pub(in crate::solver) struct Position {
+pub(in crate::solver) struct SubstepIndex {
     /// Substeps of the long step before it.
     pub done: u32,
     /// All substeps of the long step.
@@ -58,46 +58,50 @@ pub(in crate::solver) struct Position {
 impl Interleaved {
     /// To be called before the first substep of a tick.
     pub fn begin_tick(&mut self, implicit_euler: &ImplicitEuler) {
-        self.glides.clear();
-        self.glides.extend(implicit_euler.slots().map(|slot| Glide { slot, ..Glide::default() }));
-        self.own = self.glides.len();
+        self.paths.clear();
+        self.paths.extend(implicit_euler.slots().map(|slot| LinearPath { slot, ..LinearPath::default() }));
+        self.own = self.paths.len();
         self.joined = implicit_euler.island_slots().count();
     }
 
     /// To be called before the explicit scheme advances the others by a substep within a long step: sends the stiff particles on
     /// that a contact has displaced or that have another velocity.
-    pub fn follow_contacts(&mut self, particles: &Particles, Position { done, count, substep }: Position) {
+    pub fn follow_contacts(
+        &mut self,
+        particles: &Particles,
+        SubstepIndex { done, count, substep }: SubstepIndex,
+    ) {
         let left = (count - done) as f32 * substep;
-        let Self { glides, joined, .. } = self;
-        for (number, glide) in glides.iter_mut().enumerate() {
-            glide.follow_contact(particles, done, left, number < *joined);
+        let Self { paths, joined, .. } = self;
+        for (number, path) in paths.iter_mut().enumerate() {
+            path.follow_contact(particles, done, left, number < *joined);
         }
     }
 
     /// To be called when a long step begins, before the stiff particles are advanced to its end.
     pub fn begin_step(&mut self, particles: &Particles) {
-        self.glides.truncate(self.own);
-        for glide in &mut self.glides {
-            glide.started = 0;
-            glide.start = particles.position.get(glide.slot);
-            glide.velocity = particles.velocity.get(glide.slot);
+        self.paths.truncate(self.own);
+        for path in &mut self.paths {
+            path.started = 0;
+            path.start = particles.position.get(path.slot);
+            path.velocity = particles.velocity.get(path.slot);
         }
     }
 
-    /// To be called after that: they glide there.
-    pub fn begin_glide(&mut self, implicit_euler: &ImplicitEuler, particles: &Particles) {
-        let own = &self.glides[..self.own];
+    /// To be called after that: their paths lead there.
+    pub fn begin_paths(&mut self, implicit_euler: &ImplicitEuler, particles: &Particles) {
+        let own = &self.paths[..self.own];
         let added =
-            implicit_euler.lone_advanced().filter(|(slot, _)| own.iter().all(|glide| glide.slot != *slot));
-        let added: Vec<Glide> = added
-            .map(|(slot, [start, velocity])| Glide { slot, start, velocity, ..Glide::default() })
+            implicit_euler.lone_advanced().filter(|(slot, _)| own.iter().all(|path| path.slot != *slot));
+        let added: Vec<LinearPath> = added
+            .map(|(slot, [start, velocity])| LinearPath { slot, start, velocity, ..LinearPath::default() })
             .collect();
-        self.glides.extend(added);
-        for glide in &mut self.glides {
-            let velocity = particles.velocity.get(glide.slot);
-            glide.kick = velocity - glide.velocity;
-            glide.velocity = velocity;
-            glide.target = particles.position.get(glide.slot);
+        self.paths.extend(added);
+        for path in &mut self.paths {
+            let velocity = particles.velocity.get(path.slot);
+            path.kick = velocity - path.velocity;
+            path.velocity = velocity;
+            path.target = particles.position.get(path.slot);
         }
     }
 
@@ -107,20 +111,20 @@ impl Interleaved {
         &mut self,
         particles: &mut Particles,
         acceleration: &mut Vectors,
-        Position { done, count, substep }: Position,
+        SubstepIndex { done, count, substep }: SubstepIndex,
     ) {
-        for glide in &mut self.glides {
-            glide.position = glide.after(done + 1, count);
-            particles.position.set(glide.slot, glide.position);
-            particles.velocity.set(glide.slot, glide.velocity);
+        for path in &mut self.paths {
+            path.position = path.after(done + 1, count);
+            particles.position.set(path.slot, path.position);
+            particles.velocity.set(path.slot, path.velocity);
             // The whole kick falls into the first substep.
-            acceleration.set(glide.slot, if done == 0 { glide.kick / substep } else { Vec3::ZERO });
+            acceleration.set(path.slot, if done == 0 { path.kick / substep } else { Vec3::ZERO });
         }
     }
 }
 
-impl Glide {
-    /// Glides on from where a contact has put it, with the velocity that it got there: to where that leads, or, if it is
+impl LinearPath {
+    /// Goes on from where a contact has put it, with the velocity that it got there: to where that leads, or, if it is
     /// `joined` to others, to where they are in balance.
     fn follow_contact(&mut self, particles: &Particles, done: u32, left: f32, is_joined: bool) {
         let (position, velocity) = (particles.position.get(self.slot), particles.velocity.get(self.slot));

@@ -15,7 +15,7 @@ mod velocity_verlet;
 mod verlet_in_air;
 mod xpbd;
 
-use crate::solver::collision::{Surfaces, Surroundings};
+use crate::solver::collision::{Evaluated, Surfaces, Surroundings};
 use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::graph::{Blocks, Colouring};
@@ -24,15 +24,15 @@ pub(super) use crate::solver::kernel::{Check, Substeps};
 use crate::solver::particles::{Particles, PinnedMotions, Vectors};
 use crate::solver::pulls::Pulls;
 use crate::solver::settings::Integrator;
-pub(super) use implicit_euler::{Course, ImplicitEuler, Remedy};
-pub(super) use interleaved::{Interleaved, Position};
+pub(super) use implicit_euler::{EnergyCorrection, ImplicitEuler, StepEndpoints};
+pub(super) use interleaved::{Interleaved, SubstepIndex};
 
 /// What schemes need besides the state: working memory, of which nothing outlasts a tick.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     /// Accelerations of the last evaluation of the forces, m/s².
     pub acceleration: Vectors,
-    /// Accelerations at the end of a substep, m/s²: see [`evaluate_at_end`].
+    /// Accelerations at the end of a substep of semi-implicit Euler, m/s²: see [`evaluate_end`].
     at_end: Vectors,
     steps: StepVectors,
     gas: gas::GasForces,
@@ -46,6 +46,8 @@ struct StepVectors {
     velocity: Vectors,
     position_slope: Vectors,
     velocity_slope: Vectors,
+    /// The accelerations at the start of a step of Runge–Kutta, m/s².
+    start: Vectors,
     carried: velocity_verlet::Carried,
     air: verlet_in_air::Vectors,
 }
@@ -55,11 +57,6 @@ impl Scratch {
     pub fn begin_tick(&mut self, particles: usize) {
         self.acceleration.resize(particles);
         self.steps.carried = velocity_verlet::Carried::Nothing;
-    }
-
-    /// The accelerations that were [evaluated](evaluate_at_end) last.
-    pub fn at_end(&self) -> &Vectors {
-        &self.at_end
     }
 
     /// To be called when contacts have moved particles.
@@ -191,23 +188,49 @@ pub(super) fn advance_in_place(
     pinned.apply(particles);
 }
 
-/// Evaluates the accelerations where semi-implicit Euler has brought the particles of the blocks from `start` in a substep of `substep`
-/// seconds, wherever contacts have put them since.
-pub(super) fn evaluate_at_end(
-    (elements, field): (&Elements, Field),
-    blocks: &Blocks,
+/// To be called before [`evaluated`], when a substep of `substep` seconds that has begun at `start` has led the particles on, before
+/// contacts change their velocities: semi-implicit Euler has not evaluated the accelerations there.
+pub(super) fn evaluate_end(
+    integrator: Integrator,
+    (elements, field, blocks): (&Elements, Field, &Blocks),
     (particles, start): (&Particles, &Vectors),
     scratch: &mut Scratch,
     substep: f32,
 ) {
-    let Scratch { at_end, gas, steps: StepVectors { position, .. }, .. } = scratch;
+    if integrator != Integrator::SemiImplicitEuler {
+        return;
+    }
+    let Scratch { at_end, gas, steps, .. } = scratch;
     at_end.resize(particles.len());
+    let position = &mut steps.position;
     set_to_sum(position, start, substep, &particles.velocity);
     for slot in (0..particles.len()).filter(|slot| particles.is_pinned(*slot)) {
         position.set(slot, particles.position.get(slot));
     }
     let field = gas.evaluate(elements.gases(), position, field);
     kernel::evaluate(Motion::at(position, &particles.velocity, particles), blocks, field, at_end);
+}
+
+/// The accelerations at both ends of a substep; `None` for schemes that do not use them for rebounds.
+pub(super) fn evaluated<'a>(
+    integrator: Integrator,
+    field: Field,
+    scratch: &'a Scratch,
+) -> Option<Evaluated<'a>> {
+    let Scratch { acceleration, at_end, steps, .. } = scratch;
+    match integrator {
+        Integrator::SemiImplicitEuler => {
+            Some(Evaluated { accelerations: [acceleration, at_end], shares: [0.0; 2] })
+        }
+        Integrator::VelocityVerlet if field.air.is_none() => {
+            Some(Evaluated { accelerations: [&steps.velocity_slope, acceleration], shares: [0.0, 0.5] })
+        }
+        // As if they changed evenly.
+        Integrator::RungeKutta4 => {
+            Some(Evaluated { accelerations: [&steps.start, acceleration], shares: [1.0 / 6.0, 1.0 / 3.0] })
+        }
+        _ => None,
+    }
 }
 
 /// After the last substep of a tick, of `substep` seconds, and its contacts: corrects the velocities where the scheme has evaluated

@@ -21,6 +21,9 @@ pub(super) fn advance(stage: &mut Stage, substep: f32) {
         stage.ramp_to(time);
         stage.evaluate();
         let Stage { particles, acceleration, scratch, .. } = stage;
+        if time == 0.0 {
+            scratch.start.copy_from(acceleration);
+        }
         add_scaled(&mut scratch.position_slope, weight, &particles.velocity);
         add_scaled(&mut scratch.velocity_slope, weight, acceleration);
         // The position of the next stage needs the velocity of this one, so it moves first.

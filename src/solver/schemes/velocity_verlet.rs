@@ -145,7 +145,7 @@ pub(super) fn correct(
 }
 
 /// Makes `predicted` what it would have been if the disturbed particles had come with their present
-/// `velocity`. All others, whose velocity is still the corrected one, keep theirs: then their next
+/// `velocity`. All others still have the corrected velocity and keep their prediction: then their next
 /// accelerations are the same to the bit, whatever touched each other elsewhere.
 fn restore_predicted(
     predicted: &mut Vectors,

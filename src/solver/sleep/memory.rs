@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 
-use crate::solver::collision::{Presence, Skin};
+use crate::solver::collision::{ContactProperties, Presence};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::StepSettings;
 use crate::solver::state::Version;
@@ -28,7 +28,7 @@ pub(in crate::solver) struct SleepMemory {
     /// What the last tick left of the colliders.
     pub(super) colliders: Vec<Presence>,
     /// The surfaces of particles in the last tick.
-    pub(super) skins: Vec<Skin>,
+    pub(super) properties: Vec<ContactProperties>,
     /// The slots at which something was edited since then.
     pub(super) disturbed: Vec<u32>,
     /// The slots of particles that were added since then.
@@ -138,10 +138,13 @@ impl SleepMemory {
         );
         let new_slot = |old: usize| new_slots.get(old).copied().flatten().map(|slot| slot as usize);
         self.colliders = old.colliders;
-        self.skins.resize(if old.skins.is_empty() { 0 } else { particles.len() }, Skin::default());
-        for (slot, skin) in old.skins.into_iter().enumerate() {
-            if let Some(place) = new_slot(slot).and_then(|new| self.skins.get_mut(new)) {
-                *place = skin;
+        self.properties.resize(
+            if old.properties.is_empty() { 0 } else { particles.len() },
+            ContactProperties::default(),
+        );
+        for (slot, own_properties) in old.properties.into_iter().enumerate() {
+            if let Some(place) = new_slot(slot).and_then(|new| self.properties.get_mut(new)) {
+                *place = own_properties;
             }
         }
         self.resize(particles.len());

@@ -5,9 +5,9 @@
 //! that no scheme, contact or limit moves them, to the bit; where nothing is awake a tick ends before it begins.
 //!
 //! A group falls asleep when each particle of it, for the whole delay T,
-//! - stayed within d = [`DRIFT`] · speed · T of where it was when the delay began, at the end of each tick; one that nothing but
-//!   contacts holds within [`SETTLING`] of its radius, if that is more;
-//! - was never faster than [`HASTE`] · speed, so that what vibrates within d is no rest; of what touches something that is the
+//! - stayed within d = [`MAX_DISPLACEMENT_RATIO`] · speed · T of where it was when the delay began, at the end of each tick; one that nothing but
+//!   contacts holds within [`CONTACT_DISPLACEMENT_PART`] of its radius, if that is more;
+//! - was never faster than [`MAX_SPEED_RATIO`] · speed, so that what vibrates within d is no rest; of what touches something that is the
 //!   mean over a tick, as contacts leave velocities of the order of g h at its end;
 //! - was pushed by the user with the same force;
 //! - and is not held back by dampers or drag: at its mean velocity over the delay they accelerate it by less than
@@ -38,16 +38,16 @@ pub(in crate::solver) use memory::SleepMemory;
 use near::SleepingSpheres;
 pub(super) use surroundings::Surroundings;
 
-/// How far a resting particle may get in the delay, as a part of the way at the threshold speed.
-const DRIFT: f32 = 0.2;
+/// How far a resting particle may get in the delay, as a part of the displacement at the threshold speed.
+const MAX_DISPLACEMENT_RATIO: f32 = 0.2;
 
 /// How fast it may be at any moment, as a multiple of that speed: the velocity that is left in contacts of a pile is of the
 /// order of what gravity gives in a substep, though its places are the same to the bit.
-const HASTE: f32 = 10.0;
+const MAX_SPEED_RATIO: f32 = 10.0;
 
 /// How far a loose particle that touches something may get in the delay, as a part of its radius, where that is more: what lies
-/// in a pile is no pendulum, and goes on settling by such ways for long.
-const SETTLING: f32 = 0.01;
+/// in a pile is no pendulum, and goes on settling by such displacements for long.
+const CONTACT_DISPLACEMENT_PART: f32 = 0.01;
 
 /// Falling asleep is considered this many times in a delay.
 const CHECKS_PER_DELAY: f32 = 8.0;

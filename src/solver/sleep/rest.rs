@@ -9,9 +9,12 @@ use crate::solver::settings::{Sleep, StepSettings};
 use crate::solver::state::Version;
 
 use super::memory::SleepMemory;
-use super::{CHECKS_PER_DELAY, DRIFT, HASTE, SETTLING, SleepCaches, Sleepers, Surroundings, touching_gap};
+use super::{
+    CHECKS_PER_DELAY, CONTACT_DISPLACEMENT_PART, MAX_DISPLACEMENT_RATIO, MAX_SPEED_RATIO, SleepCaches,
+    Sleepers, Surroundings, touching_gap,
+};
 
-/// Particles whose speeds are compared at a time.
+/// Number of particles of which the speeds are compared at a time.
 const CHUNK: usize = 64;
 
 impl SleepCaches {
@@ -174,7 +177,7 @@ impl SleepCaches {
         let Self { parts, stays, forest, .. } = self;
         let Sleepers { memory, particles, contacts, pulls, .. } = sleepers;
         let before = memory.asleep;
-        // Of the parts of a group that whose first slot is the lowest comes first, and names it.
+        // The parts are in the order of their first slots: the first part of a group gives the group its number.
         let mut names = vec![0; parts.len()];
         for part in (0..parts.len()).filter(|part| !stays[*part]) {
             let name = &mut names[forest.root(part)];
@@ -215,10 +218,10 @@ struct Clock<'a> {
 impl Clock<'_> {
     /// The square of the speed above which nothing rests, m²/s².
     fn speed_limit(&self) -> f32 {
-        (HASTE * self.sleep.speed) * (HASTE * self.sleep.speed)
+        (MAX_SPEED_RATIO * self.sleep.speed) * (MAX_SPEED_RATIO * self.sleep.speed)
     }
 
-    /// Whether a particle is faster than what rests; one whose velocity is not finite is. Of what touches something the
+    /// Whether a particle is faster than what rests; true of a velocity that is not finite. Of what touches something the
     /// velocity is that of the whole tick: at its end contacts may leave what gravity gives in a substep.
     #[inline]
     fn is_fast(&self, particles: &Particles, slot: usize) -> bool {
@@ -231,20 +234,24 @@ impl Clock<'_> {
 
     /// How far a particle may be from where it began to rest, m.
     fn drift(&self) -> f32 {
-        DRIFT * self.sleep.speed * self.sleep.delay
+        MAX_DISPLACEMENT_RATIO * self.sleep.speed * self.sleep.delay
     }
 
     /// The same of one that is a part of its own.
     fn drift_of_loose(&self, particles: &Particles, slot: usize) -> f32 {
         let touches = self.touches.get(slot) == Some(&true);
-        if touches { self.drift().max(SETTLING * particles.radius()[slot]) } else { self.drift() }
+        if touches {
+            self.drift().max(CONTACT_DISPLACEMENT_PART * particles.radius()[slot])
+        } else {
+            self.drift()
+        }
     }
 
     /// Whether a particle is further than `allowed` m from where it began to rest.
     #[inline]
     fn has_drifted(memory: &SleepMemory, particles: &Particles, slot: usize, allowed: f32) -> bool {
-        let way = particles.position.get(slot).distance_squared(memory.place.get(slot));
-        exceeds(way, allowed * allowed)
+        let squared = particles.position.get(slot).distance_squared(memory.place.get(slot));
+        exceeds(squared, allowed * allowed)
     }
 
     fn begin(memory: &mut SleepMemory, particles: &Particles, slot: usize) {

@@ -1,6 +1,6 @@
 //! Pinned particles and colliders: their motions and changes wake what they touch.
 
-use crate::solver::collision::{Collider, Layers, Presence, Skin, skin_of};
+use crate::solver::collision::{Collider, ContactProperties, Layers, Presence, properties_of};
 use crate::solver::particles::PinnedMotion;
 use crate::solver::settings::StepSettings;
 
@@ -16,7 +16,7 @@ const REACH_OF_SIDE: f32 = 0.578;
 pub(in crate::solver) struct Surroundings<'a> {
     pub motions: &'a [PinnedMotion],
     pub colliders: &'a [Collider],
-    pub skins: &'a [Skin],
+    pub properties: &'a [ContactProperties],
 }
 
 impl Surroundings<'_> {
@@ -27,21 +27,22 @@ impl Surroundings<'_> {
 
     /// The layers of a particle.
     pub fn layers(&self, slot: usize) -> Layers {
-        skin_of(self.skins, slot).layers
+        properties_of(self.properties, slot).layers
     }
 }
 
 impl SleepMemory {
-    /// Takes note of the particles whose surfaces are others than in the last tick.
-    pub(super) fn disturb_changed_skins(&mut self, skins: &[Skin]) {
-        if self.skins == skins {
+    /// Marks the particles with other contact properties than in the last tick as disturbed.
+    pub(super) fn disturb_changed_properties(&mut self, properties: &[ContactProperties]) {
+        if self.properties == properties {
             return;
         }
-        let changes = |slot: &usize| skin_of(&self.skins, *slot) != skin_of(skins, *slot);
-        let changed = (0..self.skins.len().max(skins.len())).filter(changes);
+        let changes =
+            |slot: &usize| properties_of(&self.properties, *slot) != properties_of(properties, *slot);
+        let changed = (0..self.properties.len().max(properties.len())).filter(changes);
         self.disturbed.extend(changed.map(|slot| slot as u32));
-        self.skins.clear();
-        self.skins.extend_from_slice(skins);
+        self.properties.clear();
+        self.properties.extend_from_slice(properties);
     }
 
     /// Keeps what there is to compare colliders with in the next tick.

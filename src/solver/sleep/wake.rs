@@ -28,7 +28,7 @@ impl SleepCaches {
             self.wake_all(&mut sleepers);
         }
         let Sleepers { memory, .. } = &mut sleepers;
-        memory.disturb_changed_skins(around.skins);
+        memory.disturb_changed_properties(around.properties);
         if !memory.disturbed.is_empty() {
             self.find_disturbed(memory);
         }

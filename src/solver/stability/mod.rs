@@ -51,7 +51,7 @@ const IMPLICIT_SUBSTEPS_WITH_LOOPS: u32 = 2;
 /// a particle that touches something takes short enough steps of backward Euler.
 const SECOND_ORDER_SUBSTEPS: u32 = 2;
 
-/// The same on dampers without springs, whose closed form is met within 10⁻³ at the end of every tick.
+/// The same on dampers without springs: with them the closed form is met within 10⁻³ at the end of every tick.
 const DAMPER_SUBSTEPS: u32 = 8;
 
 /// The highest frequency in rad/s that `Auto` resolves by an explicit scheme.
@@ -146,9 +146,8 @@ impl FrequencyBounds {
     /// The explicit scheme that takes a tick of `time_step` seconds on springs through well, and its substeps, `least`
     /// at least.
     ///
-    /// Velocity Verlet, whose energy does not waver with the velocities as that of the Euler schemes does; unless the
-    /// springs are damped and ask for so many substeps that semi-implicit Euler, which damping makes stable with
-    /// fewer, is accurate too and costs less.
+    /// It is velocity Verlet: its energy oscillates less than that of the Euler schemes. The exception is damped springs that need many
+    /// substeps: there semi-implicit Euler, which is stable with fewer, is accurate too and costs less.
     fn cheapest_explicit(&self, time_step: f32, least: u32) -> (Integrator, u32) {
         let verlet = self.verlet_substeps(time_step).max(least);
         match self.damped_substeps(time_step).map(|substeps| substeps.max(least)) {

@@ -65,14 +65,14 @@ pub(in crate::solver) struct Planner {
     island_bounds: (Vec<FrequencyBounds>, FrequencyBounds),
     island_key: Option<Key>,
     stiff: IslandSet,
-    /// Working memory: what each island needs, and the islands sorted by it.
-    needs: Vec<Need>,
+    /// Working memory: what a tick of each island costs, and the islands sorted by its substeps.
+    island_costs: Vec<IslandCost>,
     sorted: Vec<u32>,
 }
 
 /// What a tick of an island takes.
 #[derive(Debug, Clone, Copy)]
-struct Need {
+struct IslandCost {
     /// Substeps of velocity Verlet.
     substeps: u32,
     /// Whether rounding would heat it.
@@ -210,7 +210,7 @@ impl Planner {
         let steps = SECOND_ORDER_SUBSTEPS.max(minimum);
         let (bounds, others) = &self.island_bounds;
         let islands = || bounds.iter().zip(self.islands.all());
-        self.needs.clear();
+        self.island_costs.clear();
         let gas_bounds = &self.gas_bounds;
         let gas_island = |number: usize| {
             let slots = &elements.gases().all()[number].slots;
@@ -221,8 +221,8 @@ impl Planner {
             (bounds.with_gas(gas), *island)
         };
         let costs = air.iter().zip(gas);
-        self.needs.extend(islands().enumerate().map(with_gas).zip(costs).map(
-            |((bounds, island), (air, gas))| Need {
+        self.island_costs.extend(islands().enumerate().map(with_gas).zip(costs).map(
+            |((bounds, island), (air, gas))| IslandCost {
                 substeps: bounds.verlet_substeps(time_step).max(minimum),
                 is_too_fast: bounds.is_too_fast(time_step, minimum),
                 elements: island.elements,
@@ -231,48 +231,55 @@ impl Planner {
             },
         ));
         // Until all that touch, through others, too, agree.
-        while touching.iter().fold(false, |any, pair| agree(&mut self.needs, *pair) | any) {}
+        while touching.iter().fold(false, |any, pair| agree(&mut self.island_costs, *pair) | any) {}
         self.sorted.clear();
-        self.sorted.extend(0..self.needs.len() as u32);
-        let needs = &self.needs;
-        self.sorted.sort_unstable_by_key(|island| needs[*island as usize].substeps);
-        let mut implicit: f64 = needs.iter().map(|need| need.implicit).sum();
+        self.sorted.extend(0..self.island_costs.len() as u32);
+        let island_costs = &self.island_costs;
+        self.sorted.sort_unstable_by_key(|island| island_costs[*island as usize].substeps);
+        let mut implicit: f64 = island_costs.iter().map(|island_cost| island_cost.implicit).sum();
         let (mut least, mut most_substeps, mut elements, mut surface) = (implicit, None, 0, 0.0);
-        for need in self.sorted.iter().map(|island| &needs[*island as usize]) {
-            if need.is_too_fast {
+        for island_cost in self.sorted.iter().map(|island| &island_costs[*island as usize]) {
+            if island_cost.is_too_fast {
                 continue;
             }
-            elements += need.elements;
-            surface += need.surface;
-            implicit -= need.implicit;
+            elements += island_cost.elements;
+            surface += island_cost.surface;
+            implicit -= island_cost.implicit;
             // Rounding of the sums is nothing against the costs.
-            let total = implicit.max(0.0) + cost::explicit(need.substeps, elements, surface);
+            let total = implicit.max(0.0) + cost::explicit(island_cost.substeps, elements, surface);
             if total <= least {
-                (least, most_substeps) = (total, Some(need.substeps));
+                (least, most_substeps) = (total, Some(island_cost.substeps));
             }
         }
         let Some(most_substeps) = most_substeps else { return (Integrator::TrBdf2, steps).into() };
-        let is_stiff = |need: &Need| need.is_too_fast || need.substeps > most_substeps;
+        let is_stiff =
+            |island_cost: &IslandCost| island_cost.is_too_fast || island_cost.substeps > most_substeps;
         let others_are_stiff = others.verlet_substeps(time_step) > most_substeps;
-        if !others_are_stiff && !needs.iter().any(is_stiff) {
+        if !others_are_stiff && !island_costs.iter().any(is_stiff) {
             return self.bounds.cheapest_explicit(time_step, minimum).into();
         }
-        let stiff_springs = needs.iter().filter(|need| is_stiff(need)).map(|need| need.elements).sum();
-        self.stiff.set(&self.islands, needs.iter().map(is_stiff), others_are_stiff);
+        let stiff_springs = island_costs
+            .iter()
+            .filter(|island_cost| is_stiff(island_cost))
+            .map(|island_cost| island_cost.elements)
+            .sum();
+        self.stiff.set(&self.islands, island_costs.iter().map(is_stiff), others_are_stiff);
         let substeps = most_substeps.next_multiple_of(steps);
         Plan { integrator: Integrator::VelocityVerlet, substeps, stiff_substeps: steps, stiff_springs }
     }
 }
 
-/// Gives two islands the needs of the faster one; whether they were others.
-fn agree(needs: &mut [Need], [one, other]: [usize; 2]) -> bool {
-    let [first, second] = [needs[one], needs[other]];
+/// Gives two islands the substeps of the faster one; whether they were others.
+fn agree(island_costs: &mut [IslandCost], [one, other]: [usize; 2]) -> bool {
+    let [first, second] = [island_costs[one], island_costs[other]];
     let substeps = first.substeps.max(second.substeps);
     let is_too_fast = first.is_too_fast || second.is_too_fast;
     for island in [one, other] {
-        (needs[island].substeps, needs[island].is_too_fast) = (substeps, is_too_fast);
+        (island_costs[island].substeps, island_costs[island].is_too_fast) = (substeps, is_too_fast);
     }
-    [first, second].iter().any(|need| (need.substeps, need.is_too_fast) != (substeps, is_too_fast))
+    [first, second]
+        .iter()
+        .any(|island_cost| (island_cost.substeps, island_cost.is_too_fast) != (substeps, is_too_fast))
 }
 
 #[cfg(test)]

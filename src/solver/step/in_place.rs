@@ -40,10 +40,18 @@ impl Caches {
         let Some(pinned) = in_order(&inputs.pinned, motions) else { return false };
         let State { elements, particles, contacts: memory, .. } = state;
         let watch = if may_touch {
-            let Inputs { colliders, skins, .. } = inputs;
+            let Inputs { colliders, contact_properties: properties, .. } = inputs;
             let (acceleration, integrator, elapsed) = (&scratch.acceleration, plan.integrator, 0.0);
-            let substep =
-                Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed };
+            let substep = Substep {
+                elements,
+                colliders,
+                properties,
+                acceleration,
+                settings,
+                integrator,
+                duration,
+                elapsed,
+            };
             let Some(watch) = contacts.watch(memory, particles, substep, with_edges) else { return false };
             before[0].copy_from(&particles.position);
             before[1].copy_from(&particles.velocity);
@@ -168,8 +176,9 @@ mod tests {
             .enumerate()
             .map(|(rope, length)| {
                 let start = state.particles.position.get(first);
-                let way = Vec3::new(0.01 * rope as f32, 0.003 * tick as f32, -0.002) * (rope % 4) as f32;
-                let motion = PinnedMotion { slot: first, start, target: start + way };
+                let displacement =
+                    Vec3::new(0.01 * rope as f32, 0.003 * tick as f32, -0.002) * (rope % 4) as f32;
+                let motion = PinnedMotion { slot: first, start, target: start + displacement };
                 first += length + 1;
                 motion
             })

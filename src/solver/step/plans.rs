@@ -1,7 +1,7 @@
 //! The scheme of nets that touch.
 
 use super::Caches;
-use crate::solver::collision::{Scene, Skin};
+use crate::solver::collision::{ContactProperties, Scene};
 use crate::solver::settings::StepSettings;
 use crate::solver::stability::Plan;
 use crate::solver::state::State;
@@ -14,7 +14,7 @@ impl Caches {
         &mut self,
         state: &State,
         settings: &StepSettings,
-        skins: &[Skin],
+        properties: &[ContactProperties],
         first: Plan,
     ) -> Plan {
         if first.stiff_substeps == 0 || settings.pair_rules.is_none() {
@@ -24,11 +24,11 @@ impl Caches {
         let Self { planner, surfaces, touching, near_islands, .. } = self;
         touching.clear();
         let (islands, _) = planner.stiff_islands();
-        surfaces.find_touching(particles, (settings, skins, islands), touching);
+        surfaces.find_touching(particles, (settings, properties, islands), touching);
         touching.sort_unstable();
         touching.dedup();
         let covered = surfaces.covered();
-        near_islands.begin_tick(Scene { islands, particles, covered, skins, settings });
+        near_islands.begin_tick(Scene { islands, particles, covered, properties, settings });
         let (mut plan, mut known) = (first, 0);
         // What touches what has become stiff becomes so; and a plan that divides them in another place may part others.
         loop {
@@ -38,7 +38,11 @@ impl Caches {
             }
             if plan.stiff_substeps > 0 {
                 let (islands, stiff) = planner.stiff_islands();
-                near_islands.find(Scene { islands, particles, covered, skins, settings }, stiff, touching);
+                near_islands.find(
+                    Scene { islands, particles, covered, properties, settings },
+                    stiff,
+                    touching,
+                );
             }
             if touching.len() == known {
                 return plan;

@@ -3,7 +3,7 @@
 use super::{Caches, Inputs};
 use crate::solver::collision::{ContactCaches, ContactMemory, Surroundings};
 use crate::solver::field::Field;
-use crate::solver::schemes::Position;
+use crate::solver::schemes::SubstepIndex;
 use crate::solver::settings::StepSettings;
 use crate::solver::state::State;
 
@@ -17,7 +17,7 @@ pub(super) fn surroundings<'a>(
     let (features, features_version) = contacts.features();
     Surroundings {
         colliders: &inputs.colliders,
-        skins: &inputs.skins,
+        properties: &inputs.contact_properties,
         features,
         features_version,
         settings,
@@ -35,28 +35,28 @@ impl Caches {
         state: &mut State,
         inputs: &Inputs,
         settings: &StepSettings,
-        (position, elapsed): (Position, f32),
+        (index, elapsed): (SubstepIndex, f32),
     ) {
         let State { particles, elements, contacts, pulls, .. } = state;
         if elements.any_ramps() {
             elements.ramp_to(elapsed);
         }
-        if position.done > 0 {
-            self.interleaved.follow_contacts(particles, position);
+        if index.done > 0 {
+            self.interleaved.follow_contacts(particles, index);
             return;
         }
         self.interleaved.begin_step(particles);
-        let duration = position.count as f32 * position.substep;
+        let duration = index.count as f32 * index.substep;
         let field = Field::of(settings, self.air.load());
         let surroundings = surroundings((&self.contacts, contacts), inputs, settings, elapsed);
         let around = (surroundings, &mut self.surfaces);
         let acceleration = &mut self.scratch.acceleration;
         self.implicit_euler.advance(elements, particles, field, acceleration, around, Some(pulls), duration);
-        self.course.end(particles);
+        self.endpoints.end(particles);
         // Where colliders are at the end of a long step is not known yet.
         if !self.contacts.any_moving() {
             self.stop_crossings(state, inputs, (settings, duration), (Some([duration, elapsed]), false));
         }
-        self.interleaved.begin_glide(&self.implicit_euler, &state.particles);
+        self.interleaved.begin_paths(&self.implicit_euler, &state.particles);
     }
 }

@@ -2,13 +2,13 @@
 
 use super::stiff::surroundings;
 use super::{Caches, Inputs};
-use crate::solver::collision::{ContactCaches, ContactMemory, ContactRecord, Substep, Surfaces};
+use crate::solver::collision::{ContactCaches, ContactMemory, ContactRecord, Evaluated, Substep, Surfaces};
 use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::schemes::{self, Remedy};
-use crate::solver::settings::{Integrator, StepSettings};
+use crate::solver::schemes::{self, EnergyCorrection};
+use crate::solver::settings::StepSettings;
 use crate::solver::stability::Plan;
 use crate::solver::state::State;
 
@@ -16,7 +16,13 @@ use crate::solver::state::State;
 const MAX_STOPS: u32 = 4;
 
 /// What is done in turn about implicit steps that gain energy where particles are stopped.
-const REMEDIES: [Remedy; 5] = [Remedy::Hold, Remedy::Hold, Remedy::Hold, Remedy::Shorten, Remedy::Stay];
+const ENERGY_CORRECTIONS: [EnergyCorrection; 5] = [
+    EnergyCorrection::SolveWithHeld,
+    EnergyCorrection::SolveWithHeld,
+    EnergyCorrection::SolveWithHeld,
+    EnergyCorrection::ScaleStep,
+    EnergyCorrection::RejectStep,
+];
 
 /// Number of times, at most, that contacts of surfaces are solved in a substep, each time with what they have pressed into
 /// half-spaces put back onto these: two that press a third one onto the ground part by the weights of the upper ones.
@@ -27,14 +33,14 @@ const MAX_SURFACE_ROUNDS: u32 = 8;
 fn resolve_surfaces(
     (contacts, surfaces, memory): (&ContactCaches, &mut Surfaces, &mut ContactMemory),
     particles: &mut Particles,
-    substep: Substep,
+    (substep, evaluated): (Substep, Option<Evaluated>),
     mut records: Option<&mut Vec<ContactRecord>>,
 ) -> bool {
     let mut any = false;
     surfaces.begin_contacts(memory, particles);
     for _ in 0..MAX_SURFACE_ROUNDS {
         // The impulses of later rounds are corrections of the first ones.
-        if !surfaces.resolve(memory, particles, substep, contacts.implicit(), records.take()) {
+        if !surfaces.resolve(memory, particles, (substep, evaluated), contacts.implicit(), records.take()) {
             break;
         }
         any = true;
@@ -52,9 +58,9 @@ fn ending<'a>(
     (settings, plan): (&'a StepSettings, Plan),
     [duration, elapsed]: [f32; 2],
 ) -> Substep<'a> {
-    let Inputs { colliders, skins, .. } = inputs;
+    let Inputs { colliders, contact_properties: properties, .. } = inputs;
     let integrator = plan.integrator;
-    Substep { elements, colliders, skins, acceleration, settings, integrator, duration, elapsed }
+    Substep { elements, colliders, properties, acceleration, settings, integrator, duration, elapsed }
 }
 
 impl Caches {
@@ -76,17 +82,25 @@ impl Caches {
         let (by, end) = ((settings, plan), [duration, elapsed]);
         let substep = ending(inputs, (elements, &self.scratch.acceleration), by, end);
         self.contacts.find_all(memory, particles, substep, is_recorded);
-        if plan.integrator == Integrator::SemiImplicitEuler && self.contacts.any_rebounds_on_springs() {
-            let field = Field::of(settings, self.air.load());
+        let integrator = plan.integrator;
+        let of_balls = self.contacts.any_rebounds_on_springs();
+        let field = Field::of(settings, self.air.load());
+        let evaluated = if of_balls || self.surfaces.may_rebound(settings, &inputs.contact_properties) {
             let motion = (&*particles, self.contacts.start());
-            schemes::evaluate_at_end((elements, field), &self.blocks, motion, &mut self.scratch, duration);
-            let substep = ending(inputs, (elements, &self.scratch.acceleration), by, end);
-            self.contacts.adjust_rebounds(particles, substep, self.scratch.at_end());
+            let net = (elements, field, &self.blocks);
+            schemes::evaluate_end(integrator, net, motion, &mut self.scratch, duration);
+            schemes::evaluated(integrator, field, &self.scratch)
+        } else {
+            None
+        };
+        if let Some(evaluated) = evaluated.filter(|_| of_balls) {
+            let substep = ending(inputs, (elements, evaluated.accelerations[0]), by, end);
+            self.contacts.adjust_rebounds(particles, substep, evaluated);
         }
         let substep = ending(inputs, (elements, &self.scratch.acceleration), by, end);
         self.contacts.solve(particles, substep, records.as_deref_mut());
         let parts = (&self.contacts, &mut self.surfaces, memory);
-        let have_touched = resolve_surfaces(parts, particles, substep, records);
+        let have_touched = resolve_surfaces(parts, particles, (substep, evaluated), records);
         if self.contacts.have_moved() {
             self.scratch.disturb();
             if !state.pulls.is_empty() {
@@ -111,8 +125,8 @@ impl Caches {
         self.surfaces.begin_stops();
         let mut have_stopped = self.stop_all(state, inputs, resting_speed, step.is_some());
         if let Some(step) = step.filter(|_| have_stopped) {
-            for remedy in REMEDIES {
-                if !self.backtrack(state, inputs, settings, (step, remedy)) {
+            for correction in ENERGY_CORRECTIONS {
+                if !self.backtrack(state, inputs, settings, (step, correction)) {
                     break;
                 }
                 have_stopped |= self.stop_all(state, inputs, resting_speed, true);
@@ -136,15 +150,15 @@ impl Caches {
         resting_speed: f32,
         is_implicit: bool,
     ) -> bool {
-        let Inputs { colliders, skins, .. } = inputs;
+        let Inputs { colliders, contact_properties: properties, .. } = inputs;
         let Self { contacts, surfaces, .. } = self;
         let mut have_stopped = false;
         // What stops at one may be in the way of the other.
         for round in 0..MAX_STOPS {
             let at_colliders =
-                contacts.stop_at_colliders(&mut state.particles, (colliders, skins), resting_speed);
+                contacts.stop_at_colliders(&mut state.particles, (colliders, properties), resting_speed);
             let at_surfaces = (round == 0 || at_colliders)
-                && surfaces.stop_crossings(&mut state.particles, skins, is_implicit);
+                && surfaces.stop_crossings(&mut state.particles, properties, is_implicit);
             have_stopped |= at_colliders || at_surfaces;
             if !at_surfaces {
                 break;
@@ -160,10 +174,10 @@ impl Caches {
         state: &mut State,
         inputs: &Inputs,
         settings: &StepSettings,
-        ([h, elapsed], remedy): ([f32; 2], Remedy),
+        ([h, elapsed], correction): ([f32; 2], EnergyCorrection),
     ) -> bool {
         let State { particles, elements, pulls, contacts: memory, .. } = state;
-        let Self { contacts, surfaces, implicit_euler, course, stopped, scratch, air, .. } = self;
+        let Self { contacts, surfaces, implicit_euler, endpoints, stopped, scratch, air, .. } = self;
         if contacts.any_moving() || surfaces.any_pushing(particles) {
             return false;
         }
@@ -175,7 +189,7 @@ impl Caches {
         let surroundings = surroundings((contacts, memory), inputs, settings, elapsed);
         let parts = (particles, &mut scratch.acceleration);
         let step = (&*elements, field, h, surroundings);
-        implicit_euler.backtrack(step, course, parts, (stopped, remedy), |slot| {
+        implicit_euler.backtrack(step, endpoints, parts, (stopped, correction), |slot| {
             if !pulls.is_empty() {
                 pulls.set_touching(slot);
             }

@@ -6,7 +6,7 @@ use crate::solver::failures::Failures;
 use crate::solver::field::Field;
 use crate::solver::graph::spring_ends;
 use crate::solver::particles::PinnedMotions;
-use crate::solver::schemes::{self, Net, Position};
+use crate::solver::schemes::{self, Net, SubstepIndex};
 
 impl Caches {
     /// The substep of this `index`, of `duration` seconds.
@@ -25,13 +25,13 @@ impl Caches {
             self.surfaces.begin_substep(particles);
         }
         if plan.begins_implicit_step(index) {
-            self.course.begin(&state.particles);
+            self.endpoints.begin(&state.particles);
         }
         let elapsed = plan.elapsed(index + 1);
         let pinned = PinnedMotions { motions: &inputs.pinned, elapsed, time_step: settings.time_step };
         self.advance(state, inputs, settings, pinned, plan, (index, duration));
         if plan.integrator.is_implicit() {
-            self.course.end(&state.particles);
+            self.endpoints.end(&state.particles);
         }
         if outputs.record_contacts && plan.begins_implicit_step(index) {
             outputs.contacts.extend_from_slice(self.implicit_euler.touching());
@@ -77,17 +77,17 @@ impl Caches {
         // One substep is no way to go: the new parameters act at once.
         let elapsed = if plan.substeps == 1 { 1.0 } else { plan.elapsed(index) };
         let has_ramps = elements.any_ramps();
-        let position = (plan.stiff_substeps > 0).then(|| {
+        let in_step = (plan.stiff_substeps > 0).then(|| {
             let count = plan.substeps / plan.stiff_substeps;
-            Position { done: index % count, count, substep }
+            SubstepIndex { done: index % count, count, substep }
         });
-        let step_end = match position {
-            Some(Position { done, count, .. }) => index - done + count,
+        let step_end = match in_step {
+            Some(SubstepIndex { done, count, .. }) => index - done + count,
             None => index + 1,
         };
         let step_end = step_end as f32 / plan.substeps as f32;
-        if let Some(position) = position {
-            self.advance_stiff(state, inputs, settings, (position, step_end));
+        if let Some(in_step) = in_step {
+            self.advance_stiff(state, inputs, settings, (in_step, step_end));
         }
         let State { particles, elements, contacts, pulls, .. } = state;
         let field = Field::of(settings, self.air.load());
@@ -109,8 +109,8 @@ impl Caches {
             (implicit_euler, pulls, surfaces),
             substep,
         );
-        if let Some(position) = position {
-            interleaved.after_substep(particles, &mut scratch.acceleration, position);
+        if let Some(in_step) = in_step {
+            interleaved.after_substep(particles, &mut scratch.acceleration, in_step);
         }
     }
 

@@ -9,7 +9,7 @@ use bevy::prelude::*;
 use super::super::hierarchy::{to_local, world_transform};
 use super::super::state::{MassSpringState, Warnings};
 use super::gather::GatheredNets;
-use crate::nets::{Attachment, Part, PartOf, PartState, ParticleNet, Parts, Tied};
+use crate::nets::{Anchor, Attachment, Part, PartOf, PartState, ParticleNet, Parts, Tied};
 use crate::particle::{Particle, Pinned};
 use crate::solver;
 use crate::spring::{Broken, Spring};
@@ -119,7 +119,8 @@ impl Target {
             }
             Self::Frame(entity, frame) => {
                 let local = Transform::from_translation(to_local(&frame, place));
-                let anchor = commands.spawn((Particle::new(1.0, 0.0), Pinned, local, ChildOf(entity))).id();
+                let anchor =
+                    commands.spawn((Particle::new(1.0, 0.0), Pinned, Anchor, local, ChildOf(entity))).id();
                 tied.helpers.push(anchor);
                 anchor
             }

@@ -53,7 +53,7 @@ impl GatheredNets {
         net.place.as_ref()?.particle(slot)
     }
 
-    /// Before slots are assigned: takes note of the nets that are to be placed anew, and copies parameters.
+    /// Before slots are assigned: marks the nets that are to be placed anew, and copies parameters.
     pub fn check_nets(&mut self, state: &mut MassSpringState, was_replaced: bool, nets: &NetQuery) {
         if was_replaced {
             self.known.clear();

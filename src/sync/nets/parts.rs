@@ -119,7 +119,7 @@ struct ActingParts<'a, 'n, 'w, 's> {
 }
 
 impl ActingParts<'_, '_, '_, '_> {
-    /// Finds the particles of parts that are new, that are others by now, or whose net is.
+    /// Finds the particles of parts that are new or were changed, or of a net that is or was.
     fn resolve(&mut self, parts: &[Entity]) {
         for &entity in parts {
             let Ok((part, mut state, velocity, force, is_pinned)) = self.queries.parts.get_mut(entity) else {

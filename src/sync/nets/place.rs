@@ -108,7 +108,7 @@ impl Assignment<'_, '_, '_, '_, '_> {
         Past { positions: solver.particles.position.clone(), springs, places }
     }
 
-    /// Empties the places of the nets that were removed or replaced, or whose elements are others. Returns what is known
+    /// Empties the places of the nets that were removed or replaced, or have other elements now. Returns what is known
     /// of these.
     pub fn remove_nets(&mut self) -> Past {
         let mut past = Past::default();

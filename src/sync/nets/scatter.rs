@@ -67,6 +67,7 @@ pub(in crate::sync) fn scatter_nets(
             net.bypass_change_detection().arrays_mut().tensions.clear();
             net.bypass_change_detection().arrays_mut().tensions.extend_from_slice(tensions);
         }
+        net.bypass_change_detection().note_load();
         known.written = Some(net.last_changed());
         note_yields((&mut net, place), &simulation.outputs.yielded, solver);
         let broken = &simulation.outputs.broken;

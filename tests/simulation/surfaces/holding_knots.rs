@@ -5,9 +5,10 @@ use std::f32::consts::TAU;
 use bevy::math::{DVec3, Vec3};
 use bevy_mass_spring::solver::{Bend, Integrator, PairRules, Solver, Spring, StepSettings, SubstepMode};
 
-use super::knots::{RADIUS, overhand};
+use super::knots::RADIUS;
 use crate::common::bodies::{positions, solver_bits};
 use crate::common::crossings::Shapes;
+use crate::common::curves::overhand;
 
 /// m
 const DIAMETER: f32 = 2.0 * RADIUS;
@@ -229,7 +230,10 @@ fn a_stopper_knot_holds_a_quarter_of_the_load_on_its_tail() {
 }
 
 #[test]
-#[ignore = "the same as the one above for longer: a minute of run time"]
+#[cfg_attr(
+    debug_assertions,
+    ignore = "the same as the one above for longer: a minute of run time in release"
+)]
 fn a_stopper_knot_holds_for_a_minute() {
     EXPLICIT.into_iter().for_each(|scheme| a_stopper_holds(scheme, 60.0));
 }
@@ -338,7 +342,10 @@ fn a_reef_knot_holds_a_quarter_of_the_load_on_its_tails() {
 }
 
 #[test]
-#[ignore = "the same as the one above for longer: two minutes of run time"]
+#[cfg_attr(
+    debug_assertions,
+    ignore = "the same as the one above for longer: two minutes of run time in release"
+)]
 fn a_reef_knot_holds_for_a_minute() {
     EXPLICIT.into_iter().for_each(|scheme| a_reef_knot_holds(scheme, 60.0));
 }

@@ -6,6 +6,7 @@ mod holding_knots;
 mod impacts;
 mod knots;
 mod piles;
+mod rebounds;
 mod rules;
 mod shots;
 

@@ -3,7 +3,7 @@
 use bevy::math::{UVec2, Vec3};
 use bevy_mass_spring::nets::{Cloth, Rope};
 use bevy_mass_spring::solver::{
-    Integrator, Layers, Material, PairRules, Skin, Solver, StepSettings, SubstepMode,
+    ContactProperties, Integrator, Layers, Material, PairRules, Solver, StepSettings, SubstepMode,
 };
 
 use super::{ELASTIC, SCHEMES, SOFT};
@@ -36,8 +36,9 @@ fn rods() -> Solver {
 fn the_layers_of_surfaces_say_which_meet() {
     for (filters, meets) in [(u32::MAX, true), (2, false)] {
         let mut solver = rods();
-        let layers = Layers { memberships: 1, filters };
-        solver.inputs_mut().skins = vec![Skin { layers, ..Skin::default() }; 4];
+        let layers = Layers::new(1, filters);
+        solver.inputs_mut().contact_properties =
+            vec![ContactProperties { layers, ..ContactProperties::default() }; 4];
         for _ in 0..20 {
             solver.step(&settings(Integrator::SemiImplicitEuler));
         }
@@ -49,15 +50,19 @@ fn the_layers_of_surfaces_say_which_meet() {
 #[test]
 fn materials_of_surfaces_say_how_they_rebound_and_rub() {
     let material = |restitution, friction| Material { restitution, friction, ..Material::default() };
-    for (skins, restitution, friction) in [
+    for (properties, restitution, friction) in [
         ([None, None], 0.0, 0.0),
         ([Some(material(0.5, 0.1)), None], 0.5, 0.1),
         ([None, Some(material(1.0, 0.0))], 1.0, 0.0),
         ([Some(material(0.2, 0.05)), Some(material(0.6, 0.15))], 0.4, 0.1),
     ] {
         let mut solver = rods();
-        let skin = |number: usize| Skin { material: skins[number], ..Skin::default() };
-        solver.inputs_mut().skins = vec![skin(0), skin(0), skin(1), skin(1)];
+        let own_properties = |number: usize| ContactProperties {
+            material: properties[number],
+            ..ContactProperties::default()
+        };
+        solver.inputs_mut().contact_properties =
+            vec![own_properties(0), own_properties(0), own_properties(1), own_properties(1)];
         for _ in 0..20 {
             solver.step(&settings(Integrator::SemiImplicitEuler));
         }

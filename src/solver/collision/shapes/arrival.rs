@@ -9,11 +9,12 @@ use bevy::math::DVec3;
 
 use super::feature::MIN_WEIGHT;
 use super::mesh::{Mesh, MeshKind};
+use super::separation::{Separation, separation_from};
 use super::tree::Bounds;
-use super::{Kind, Nearest, Shape, triangle};
+use super::{Kind, Nearest, Shape};
 
 /// Displacement above which a feature is swept, as a fraction of its radius and of half the thickness of the shape.
-const SWEPT_WAY: f64 = 0.5;
+const SWEEP_THRESHOLD: f64 = 0.5;
 
 /// Number of planes, at most: a feature that grazes a surface for longer than that ends there.
 const MAX_STEPS: usize = 48;
@@ -25,11 +26,11 @@ const KEPT_PART: f64 = 0.97;
 const TOLERATED_PART: f64 = 0.9;
 
 /// Displacement that counts as none, as a fraction of the least distance.
-const NO_WAY: f64 = 0.02;
+const NEGLIGIBLE_DISPLACEMENT: f64 = 0.02;
 
-/// The displacements of the corners of an edge or a triangle in a substep, in the axes of a shape.
+/// The straight paths of the corners of an edge or a triangle in a substep, in the axes of a shape.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::solver::collision) struct Ways {
+pub(in crate::solver::collision) struct CornerPaths {
     /// m; of an edge the last corner is the one before.
     pub from: [DVec3; 3],
     /// m.
@@ -52,7 +53,7 @@ pub(in crate::solver::collision) struct Arrival {
     pub limit: f64,
 }
 
-impl Ways {
+impl CornerPaths {
     pub fn at(&self, time: f64) -> [DVec3; 3] {
         [0, 1, 2].map(|corner| self.from[corner].lerp(self.to[corner], time))
     }
@@ -103,7 +104,7 @@ impl Ways {
             let height = |corner: usize| normal.dot(at[corner] - foot);
             let gap = (0..self.count).map(height).fold(f64::INFINITY, f64::min);
             // For how long nothing is nearer than that: each corner stays as high, or, where the points that are next to each other
-            // are not known well enough for a plane between the two, all ways are as short.
+            // are not known well enough for a plane between the two, all displacements are as short.
             let until = |limit: f64| {
                 let each = (0..self.count).map(|corner| {
                     let sink = -normal.dot(self.to[corner] - self.from[corner]);
@@ -119,7 +120,7 @@ impl Ways {
             }
             arrival = Some(Arrival { time, normal, foot, weights, limit });
             let next = until(limit);
-            if next * longest <= NO_WAY * limit || time + next >= 1.0 {
+            if next * longest <= NEGLIGIBLE_DISPLACEMENT * limit || time + next >= 1.0 {
                 return arrival;
             }
             time += next;
@@ -128,52 +129,45 @@ impl Ways {
     }
 }
 
-/// The points of a feature and of a solid that are next to each other.
-struct Separation {
-    /// From the solid to the feature.
-    normal: DVec3,
-    /// All of the solid is behind the plane through this point.
-    foot: DVec3,
-    weights: [f64; 3],
-    /// m.
-    distance: f64,
-}
-
 impl Shape {
     /// Where a feature meets it between its corners, if it moves by more than half its thickness and half that of the shape;
     /// what meets it at a corner is left to that.
-    pub(in crate::solver::collision) fn swept(&self, ways: &Ways, radii: [f64; 3]) -> Option<Arrival> {
-        let radius = SWEPT_WAY * radii[0].min(radii[1]).min(radii[2]);
-        if ways.longest() <= radius.max(SWEPT_WAY * self.half_thickness()) {
+    pub(in crate::solver::collision) fn swept(
+        &self,
+        paths: &CornerPaths,
+        radii: [f64; 3],
+    ) -> Option<Arrival> {
+        let radius = SWEEP_THRESHOLD * radii[0].min(radii[1]).min(radii[2]);
+        if paths.longest() <= radius.max(SWEEP_THRESHOLD * self.half_thickness()) {
             return None;
         }
         let is_inner =
-            |found: &Arrival| found.weights[..ways.count].iter().all(|weight| *weight > MIN_WEIGHT);
-        self.arrival(ways, radius).filter(is_inner)
+            |found: &Arrival| found.weights[..paths.count].iter().all(|weight| *weight > MIN_WEIGHT);
+        self.arrival(paths, radius).filter(is_inner)
     }
 
     /// Where a feature comes as near as `least` m to it, or where it goes on from nearer than that; `None` if it never does.
-    pub(in crate::solver::collision) fn arrival(&self, ways: &Ways, least: f64) -> Option<Arrival> {
+    pub(in crate::solver::collision) fn arrival(&self, paths: &CornerPaths, least: f64) -> Option<Arrival> {
         match &self.0 {
-            Kind::Mesh(mesh) => mesh.arrival(ways, least),
-            Kind::Flat(shape) => shape.arrival(ways, least),
+            Kind::Mesh(mesh) => mesh.arrival(paths, least),
+            Kind::Flat(shape) => shape.arrival(paths, least),
             Kind::Compound(parts) => first(parts.iter().filter_map(|part| {
-                let found = part.shape.arrival(&ways.in_part(part), least)?;
+                let found = part.shape.arrival(&paths.in_part(part), least)?;
                 let normal = part.placement.rotation * found.normal;
                 Some(Arrival { normal, foot: part.placement.to_world(found.foot), ..found })
             })),
-            _ if self.is_passed_by(ways, least) => None,
-            _ => ways.advance(least, None, |corners| self.separation(corners, ways.count)),
+            _ if self.is_passed_by(paths, least) => None,
+            _ => paths.advance(least, None, |corners| self.separation(corners, paths.count)),
         }
     }
 
     /// Whether the plane next to one of the corners tells that nothing comes near.
-    fn is_passed_by(&self, ways: &Ways, least: f64) -> bool {
-        ways.from[..ways.count].iter().any(|corner| {
+    fn is_passed_by(&self, paths: &CornerPaths, least: f64) -> bool {
+        paths.from[..paths.count].iter().any(|corner| {
             let nearest = self.nearest(*corner, 0.0);
             let foot = *corner - nearest.normal * nearest.distance;
             let is_high = |corner: &DVec3| nearest.normal.dot(*corner - foot) >= least;
-            let ends = ways.from[..ways.count].iter().chain(&ways.to[..ways.count]);
+            let ends = paths.from[..paths.count].iter().chain(&paths.to[..paths.count]);
             nearest.distance > 0.0 && { ends }.all(is_high)
         })
     }
@@ -192,18 +186,18 @@ impl Shape {
 }
 
 impl Mesh {
-    fn arrival(&self, ways: &Ways, least: f64) -> Option<Arrival> {
-        let ends = ways.from.iter().chain(&ways.to);
+    fn arrival(&self, paths: &CornerPaths, least: f64) -> Option<Arrival> {
+        let ends = paths.from.iter().chain(&paths.to);
         let bounds = ends.fold(Bounds::EMPTY, |all, corner| all.with(corner.as_vec3()));
         let size = bounds.low.abs().max(bounds.high.abs()).max_element();
         let mut found: Option<Arrival> = None;
         self.overlapping(&bounds.grown(least as f32 + 8.0 * f32::EPSILON * size), |_, facet| {
             let front = (facet[1] - facet[0]).cross(facet[2] - facet[0]).try_normalize();
-            if front.is_some_and(|normal| ways.stay_on_one_side(facet[0], normal, least)) {
+            if front.is_some_and(|normal| paths.stay_on_one_side(facet[0], normal, least)) {
                 return;
             }
             let front = front.filter(|_| self.kind != MeshKind::TwoSided);
-            let arrival = ways.advance(least, front, |corners| separation_from(corners, ways.count, facet));
+            let arrival = paths.advance(least, front, |corners| separation_from(corners, paths.count, facet));
             found = first(found.into_iter().chain(arrival));
         });
         found
@@ -213,51 +207,6 @@ impl Mesh {
 /// The one that comes first.
 fn first(arrivals: impl Iterator<Item = Arrival>) -> Option<Arrival> {
     arrivals.reduce(|one, other| if other.time < one.time { other } else { one })
-}
-
-/// The plane between a triangle and a feature; none where they cross.
-fn separation_from(corners: [DVec3; 3], count: usize, facet: [DVec3; 3]) -> Option<Separation> {
-    let edges = |corners: [DVec3; 3]| [0, 1, 2].map(|edge| [corners[edge], corners[(edge + 1) % 3]]);
-    let sides = if count == 2 { 1 } else { 3 };
-    let crosses = |[from, to]: [DVec3; 2], corners| triangle::crossing(from, to, corners).is_some();
-    if edges(corners)[..sides].iter().any(|edge| crosses(*edge, facet))
-        || count == 3 && edges(facet).iter().any(|edge| crosses(*edge, corners))
-    {
-        return None;
-    }
-    let mut best: Option<(f64, [DVec3; 2], [f64; 3])> = None;
-    let mut offer = |point: DVec3, foot: DVec3, weights: [f64; 3]| {
-        let square = point.distance_squared(foot);
-        if best.as_ref().is_none_or(|(least, ..)| square < *least) {
-            best = Some((square, [point, foot], weights));
-        }
-    };
-    for corner in 0..count {
-        let mut weights = [0.0; 3];
-        weights[corner] = 1.0;
-        offer(corners[corner], triangle::nearest_point(corners[corner], facet).0, weights);
-    }
-    if count == 3 {
-        for corner in facet {
-            let (weights, _) = triangle::nearest(corner, corners);
-            let [a, b, c] = corners;
-            offer(a * weights[0] + b * weights[1] + c * weights[2], corner, weights);
-        }
-    }
-    for (side, own) in edges(corners)[..sides].iter().enumerate() {
-        for other in edges(facet) {
-            let [part, across] = triangle::nearest_parameters(*own, other);
-            let mut weights = [0.0; 3];
-            (weights[side], weights[(side + 1) % 3]) = (1.0 - part, part);
-            offer(own[0].lerp(own[1], part), other[0].lerp(other[1], across), weights);
-        }
-    }
-    let (square, [point, foot], weights) = best?;
-    let distance = square.sqrt();
-    let normal = (point - foot) / distance;
-    // By rounding a corner of the facet may be in front of that plane.
-    let most = facet.iter().map(|corner| normal.dot(*corner - foot)).fold(0.0, f64::max);
-    normal.is_finite().then_some(Separation { normal, foot: foot + normal * most, weights, distance })
 }
 
 #[cfg(test)]
@@ -270,12 +219,12 @@ mod tests {
     const TRIANGLE: [DVec3; 3] =
         [DVec3::new(-0.3, 0.0, -0.2), DVec3::new(0.4, 0.0, -0.1), DVec3::new(0.0, 0.0, 0.5)];
 
-    fn fall(height: f64, way: DVec3, turn: Quat, count: usize) -> Ways {
+    fn fall(height: f64, displacement: DVec3, turn: Quat, count: usize) -> CornerPaths {
         let mut from = TRIANGLE.map(|corner| turn.as_dquat() * corner + DVec3::Y * height);
         if count == 2 {
             from[2] = from[1];
         }
-        Ways { from, to: from.map(|corner| corner + way), count }
+        CornerPaths { from, to: from.map(|corner| corner + displacement), count }
     }
 
     /// The least gap at a time, by points all over the feature.
@@ -314,19 +263,19 @@ mod tests {
                 let part = |scale: u32| (number * scale % 101) as f32 / 101.0 - 0.5;
                 let turn =
                     Quat::from_euler(bevy::math::EulerRot::XYZ, 6.0 * part(13), 6.0 * part(29), part(7));
-                let way = DVec3::new(f64::from(part(37)), -60.0, f64::from(part(53)));
+                let displacement = DVec3::new(f64::from(part(37)), -60.0, f64::from(part(53)));
                 let count = 2 + (number % 2) as usize;
-                let mut ways = fall(3.0 + f64::from(part(17)), way, turn, count);
+                let mut paths = fall(3.0 + f64::from(part(17)), displacement, turn, count);
                 let aside = DVec3::new(f64::from(2.0 * part(71)), 0.0, f64::from(2.0 * part(83)));
-                (ways.from, ways.to) = (ways.from.map(|at| at + aside), ways.to.map(|at| at + aside));
+                (paths.from, paths.to) = (paths.from.map(|at| at + aside), paths.to.map(|at| at + aside));
                 // Where it first comes near, by small steps.
                 let times = (0..=2000).map(|step| f64::from(step) / 20_000.0);
-                let coarse = { times }.find(|time| gap(shape, ways.at(*time)) <= 0.5 * least);
-                let found = shape.arrival(&ways, least);
+                let coarse = { times }.find(|time| gap(shape, paths.at(*time)) <= 0.5 * least);
+                let found = shape.arrival(&paths, least);
                 counts[usize::from(found.is_some())] += 1;
                 match (found, coarse) {
                     (Some(found), _) => {
-                        let there = gap(shape, ways.at(found.time));
+                        let there = gap(shape, paths.at(found.time));
                         assert!(there >= 0.9 * least, "{shape:?} {number}: {there}");
                         assert!(coarse.is_none_or(|time| found.time <= time), "{shape:?} {number}");
                         // Points of a grid are next to what it meets, or a few cells away.
@@ -347,7 +296,34 @@ mod tests {
         let (vertices, triangles) = box_mesh();
         let shape = Shape::mesh(&vertices, &triangles, false).unwrap();
         let small = |corner: DVec3| corner * 0.1;
-        let out = Ways { from: out.from.map(small), to: out.to, ..out };
+        let out = CornerPaths { from: out.from.map(small), to: out.to, ..out };
         assert!(shape.arrival(&out, 1e-3).is_none());
+    }
+
+    /// What has no thickness comes up to the surface itself: a triangle over the apex of a pyramid, and an edge across it, are parted from
+    /// it by a plane that faces up and that the apex is not in front of.
+    #[cfg(feature = "parry")]
+    #[test]
+    fn what_touches_without_a_distance_is_parted_by_a_plane() {
+        let apex = Vec3::Y * 0.2;
+        let base = [Vec3::new(-0.2, -0.15, -0.2), Vec3::new(0.2, -0.15, -0.2), Vec3::new(0.0, -0.15, 0.2)];
+        let pyramid = Shape::convex_hull(&[base[0], base[1], base[2], apex]).unwrap();
+        let mut met = 0;
+        for number in 0..400_u32 {
+            let part = |scale: u32| f64::from(number * scale % 101) / 101.0 - 0.5;
+            let from = TRIANGLE.map(|corner| {
+                let tilt = 0.3 * (corner.x * part(13) + corner.z * part(29));
+                DVec3::new(corner.x + 0.1 * part(37), 0.201 + tilt, corner.z + 0.1 * part(53))
+            });
+            let count = 2 + (number % 2) as usize;
+            let from = if count == 2 { [from[0], from[2], from[2]] } else { from };
+            let paths = CornerPaths { from, to: from.map(|corner| corner - DVec3::Y * 0.01), count };
+            let Some(Arrival { normal, foot, .. }) = pyramid.arrival(&paths, 0.0) else { continue };
+            met += 1;
+            let apex_height = (apex.as_dvec3() - foot).dot(normal);
+            assert!(apex_height < 1e-6 && apex_height > -0.36, "{number}: {normal}, {apex_height}");
+            assert!(normal.y > 0.3, "{number}: {normal}");
+        }
+        assert!(met > 100, "{met}");
     }
 }

@@ -115,12 +115,12 @@ pub(super) fn least_of_tangents(places: [f64; 2], [low, high]: [(f64, f64); 2]) 
 
 /// Where to look next for the least of a convex function that falls at `from` and rises at `to`.
 pub(super) fn next_place([from, to]: [f64; 2], [low, high]: [(f64, f64); 2], number: usize) -> f64 {
-    let way = match number % 3 {
+    let offset = match number % 3 {
         0 => (to - from) * low.1 / (low.1 - high.1),
         1 => crossing_of_tangents([from, to], [low, high]),
         _ => 0.5 * (to - from),
     };
-    from + way.max(0.01 * (to - from)).min(0.99 * (to - from))
+    from + offset.max(0.01 * (to - from)).min(0.99 * (to - from))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 use bevy::math::{DVec3, Vec3};
 
 use super::normals::{Edges, Normals, find_normals, kind, welded};
+use super::simplex::Simplex;
 use super::tree::{Bounds, Tree};
 use super::triangle::{self, Feature};
 use super::{Crossing, Fingerprint, Nearest};
@@ -15,8 +16,12 @@ use crate::solver::state::Version;
 /// Below this part of the coordinates a distance says nothing about its direction.
 const ROUNDING: f64 = 1e-12;
 
+/// Number of parts of the way of a cast, the triangles near each of which are looked up together.
+const CAST_PIECES: u32 = 8;
+
 /// What a mesh is the surface of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MeshKind {
     /// A solid: the mesh is closed.
     Solid,
@@ -195,12 +200,12 @@ impl Mesh {
         }
     }
 
-    /// Where the way of a point first crosses the surface from outside.
+    /// Where the path of a point first crosses the surface from outside.
     pub fn crossing(&self, from: DVec3, to: DVec3) -> Option<Crossing> {
-        let way = Bounds::EMPTY.with(from.as_vec3()).with(to.as_vec3());
+        let extent = Bounds::EMPTY.with(from.as_vec3()).with(to.as_vec3());
         let rounding = 4.0 * f32::EPSILON * from.abs().max(to.abs()).max_element() as f32;
         let mut first: Option<(f64, u32, bool)> = None;
-        self.tree.overlapping(&way.grown(rounding), |item| {
+        self.tree.overlapping(&extent.grown(rounding), |item| {
             let Some((time, is_front)) = triangle::crossing(from, to, self.corners[item as usize]) else {
                 return;
             };
@@ -212,6 +217,38 @@ impl Mesh {
         let (time, item, is_front) = first?;
         let face = self.normals[item as usize].face;
         Some(Crossing { time, foot: from.lerp(to, time), normal: if is_front { face } else { -face } })
+    }
+
+    /// Where a ball first touches the surface, from either side, on the way of its centre.
+    pub fn cast(&self, from: DVec3, to: DVec3, radius: f64) -> Option<Crossing> {
+        let length = from.distance(to);
+        let farthest =
+            (self.bounds.low.as_dvec3() - from).abs().max((self.bounds.high.as_dvec3() - from).abs());
+        // Beyond that there is nothing of it.
+        let part = ((farthest.length() + radius) / length).min(1.0);
+        let at = |share: f64| from.lerp(to, share * part);
+        let rounding = 8.0 * f32::EPSILON * from.abs().max(at(1.0).abs()).max_element() as f32;
+        let margin = (radius * (1.0 + 1e-6)) as f32 + rounding + 1e-6;
+        let mut first: Option<Crossing> = None;
+        for piece in 0..CAST_PIECES {
+            let [start, end] = [piece, piece + 1].map(|piece| f64::from(piece) / f64::from(CAST_PIECES));
+            let bounds = Bounds::EMPTY.with(at(start).as_vec3()).with(at(end).as_vec3());
+            self.overlapping(&bounds.grown(margin), |_, corners| {
+                let found = Simplex::new(corners, 0.0).cast(from, at(1.0), radius);
+                if found.is_some_and(|found| first.is_none_or(|first| found.time < first.time)) {
+                    first = found;
+                }
+            });
+            if first.is_some_and(|first| first.time <= end) {
+                break;
+            }
+        }
+        first.map(|first| Crossing { time: first.time * part, ..first })
+    }
+
+    /// The corners of all triangles and their normals.
+    pub fn faces(&self) -> impl Iterator<Item = ([DVec3; 3], DVec3)> {
+        self.corners.iter().zip(&self.normals).map(|(corners, normals)| (*corners, normals.face))
     }
 
     /// Whether any triangle may overlap these bounds.
@@ -296,6 +333,20 @@ pub(super) mod tests {
         let error = Mesh::new(&corners, &[[0, 1, 9]], false).unwrap_err();
         assert_eq!(error, MeshError::OutOfRange { triangle: 0, corner: 9, vertices: 3 });
         assert_eq!(Mesh::new(&[Vec3::NAN], &[], false).unwrap_err(), MeshError::NotFinite(0));
+    }
+
+    /// Two triangles of a square, of which the second looks down, and three at one edge: sheets, but not one-sided ones.
+    #[test]
+    fn one_sided_meshes_are_to_face_one_side() {
+        let corners = [Vec3::ZERO, Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::X, Vec3::NEG_X];
+        let up = [[0, 1, 2], [0, 2, 3]];
+        let turned = [[0, 1, 2], [0, 3, 2]];
+        let fan = [[0, 1, 2], [0, 2, 3], [0, 2, 4]];
+        assert_eq!(Mesh::new(&corners, &up, true).unwrap().kind, MeshKind::OneSided);
+        for triangles in [&turned[..], &fan[..]] {
+            assert_eq!(Mesh::new(&corners, triangles, true).unwrap_err(), MeshError::NotOriented);
+            assert_eq!(Mesh::new(&corners, triangles, false).unwrap().kind, MeshKind::TwoSided);
+        }
     }
 
     #[test]

@@ -10,7 +10,11 @@ mod fingerprint;
 mod line;
 mod mesh;
 mod normals;
+mod outline;
+mod placed;
 mod primitives;
+mod separation;
+mod simplex;
 mod sweep;
 mod tree;
 pub(super) mod triangle;
@@ -21,31 +25,33 @@ use std::sync::Arc;
 use bevy::math::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use super::plane::Pose;
-pub(in crate::solver::collision) use arrival::{Arrival, Ways};
+pub(in crate::solver::collision) use arrival::{Arrival, CornerPaths};
 pub(in crate::solver) use feature::Deepest;
 pub(in crate::solver) use fingerprint::Fingerprint;
 use mesh::Mesh;
 pub use mesh::{MeshError, MeshKind};
+pub(crate) use placed::PlacedShape;
+pub(crate) use simplex::Simplex;
 pub(in crate::solver) use tree::{Bounds, MovingTree};
 pub(in crate::solver::collision) use vicinity::Vicinity;
 
 /// The nearest point of the surface of a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::solver) struct Nearest {
+pub(crate) struct Nearest {
     /// How far it is, m; negative inside.
     pub distance: f64,
     /// The outward unit normal there.
     pub normal: DVec3,
 }
 
-/// Where a way meets a shape.
+/// Where a path meets a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::solver) struct Crossing {
-    /// As a part of the way.
+pub(crate) struct Crossing {
+    /// As a part of the path.
     pub time: f64,
     /// The point of the surface, m.
     pub foot: DVec3,
-    /// Towards where the way comes from.
+    /// Towards where the path comes from.
     pub normal: DVec3,
 }
 

@@ -6,7 +6,7 @@ use super::mesh::{MeshError, MeshKind};
 use super::triangle::Feature;
 
 /// A closed mesh counts as a sheet if its volume is below this fraction of that of a cube of the same surface area.
-const LEAST_VOLUME: f64 = 1e-9;
+const MIN_VOLUME: f64 = 1e-9;
 
 /// Those of a triangle: of its face, its edges and its corners.
 #[derive(Debug, Clone, Copy, Default)]
@@ -73,7 +73,7 @@ pub(super) fn kind(corners: &[[DVec3; 3]], edges: &Edges, one_sided: bool) -> Re
     if is_closed {
         let volume = corners.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum::<f64>();
         let area = corners.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length()).sum::<f64>();
-        let least = LEAST_VOLUME * (area / 6.0).powf(1.5);
+        let least = MIN_VOLUME * (area / 6.0).powf(1.5);
         return match volume {
             _ if volume > least => Ok(MeshKind::Solid),
             _ if volume < -least => Err(MeshError::InsideOut),

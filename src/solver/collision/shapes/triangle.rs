@@ -72,12 +72,12 @@ pub(super) fn nearest_point(point: DVec3, corners: [DVec3; 3]) -> (DVec3, Featur
     (foot, feature)
 }
 
-/// When the way from `from` to `to` crosses a triangle, as a part of it, and from which side: whether from that of its
+/// When the path from `from` to `to` crosses a triangle, as a part of it, and from which side: whether from that of its
 /// normal. (Möller and Trumbore, *J. Graphics Tools* 2, 21, 1997.)
 pub(super) fn crossing(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, bool)> {
-    let (ab, ac, way) = (b - a, c - a, to - from);
+    let (ab, ac, displacement) = (b - a, c - a, to - from);
     let normal = ab.cross(ac);
-    let approach = -way.dot(normal);
+    let approach = -displacement.dot(normal);
     if approach == 0.0 {
         return None;
     }
@@ -86,7 +86,7 @@ pub(super) fn crossing(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<
     if !(0.0..=1.0).contains(&time) {
         return None;
     }
-    let across = way.cross(apart) / approach;
+    let across = displacement.cross(apart) / approach;
     let (v, w) = (-ac.dot(across), ab.dot(across));
     // Neighbours overlap by a little, so that nothing slips between them.
     let slack = 1e-9;

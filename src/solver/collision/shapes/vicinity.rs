@@ -35,7 +35,7 @@ struct Listed {
 
 impl Vicinity {
     /// The nearest point of the surface if it is at most `within` m away, or the point is inside. A list is made with
-    /// `margin` m, which is to be several times the way between two calls.
+    /// `margin` m, which is to be several times the displacement between two calls.
     pub fn nearest(
         &mut self,
         mesh: &Mesh,

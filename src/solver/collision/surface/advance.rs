@@ -3,7 +3,7 @@
 //! At the start of a substep each pair is apart along the direction of its closest points. The distance of its sides along
 //! a fixed direction is a concave function of time where all move straight on: a pair that is apart along it at the end, too,
 //! was so all the way. That certifies nearly all pairs by a few products. Of the others a conservative advancement says how
-//! far they get; their particles stop there, and the pairs of those are looked at again, until all are certified. As ways only
+//! far they get; their particles stop there, and the pairs of those are looked at again, until all are certified. as displacements only
 //! get shorter, and nothing is passed without a way, this ends. Least distances keep rounding away.
 //!
 //! Pinned particles do not stop. What is in their way is pushed along, each particle by its share, and pushes others in turn.
@@ -12,10 +12,10 @@
 use bevy::math::Vec3A;
 
 use super::closest::Closest;
-use super::contact::COINCIDENT;
+use super::contact::{COINCIDENT, gap_along};
 use super::follow::DisplacementField;
-use super::gains::Gains;
-use super::pair::{CLOSE_PART, LEAST_PART, Ways};
+use super::force_velocities::ForceVelocities;
+use super::pair::{CLOSE_PART, MIN_DISTANCE_PART, PairPaths};
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 
@@ -42,7 +42,7 @@ const PUSHED_HEAVINESS: f32 = 10.0;
 
 /// A pair that may come too near.
 #[derive(Debug, Clone, Copy)]
-struct Tight {
+struct ClosePair {
     /// Its number among the candidates.
     number: u32,
     /// Along which they are apart at the start.
@@ -68,7 +68,7 @@ fn band(distance: f32, least: f32, attempt: u32) -> [f32; 2] {
 /// Working memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Advance {
-    tight: Vec<Tight>,
+    close_pairs: Vec<ClosePair>,
     /// The part of its way that each particle goes.
     parts: Vec<f32>,
     next: Vec<f32>,
@@ -78,8 +78,8 @@ pub(super) struct Advance {
     is_pushed: Vec<bool>,
     /// What goes along with pinned particles where nothing else ends.
     field: DisplacementField,
-    pub gains: Gains,
-    /// What loses of its gains: by slot, the part of its displacement that it goes.
+    pub force_velocities: ForceVelocities,
+    /// What loses of what forces gave it: by slot, the part of its displacement that it goes.
     losing: Vec<(u32, f32)>,
 }
 
@@ -93,8 +93,8 @@ impl Advance {
         particles: &mut Particles,
         (attempt, loses): (u32, bool),
     ) -> bool {
-        self.find_tight(search, Moving { start, end: &particles.position, particles }, attempt);
-        if self.tight.is_empty() {
+        self.find_close_pairs(search, Moving { start, end: &particles.position, particles }, attempt);
+        if self.close_pairs.is_empty() {
             return false;
         }
         let count = particles.len();
@@ -109,14 +109,14 @@ impl Advance {
             Some(_) => {}
             None => {
                 self.put_back(start, (particles, loses), on_mesh);
-                self.find_tight(search, Moving { start, end: &particles.position, particles }, attempt);
+                self.find_close_pairs(search, Moving { start, end: &particles.position, particles }, attempt);
                 self.settle(search, start, particles, attempt);
             }
         }
         self.stop_velocities(search, particles);
         if loses {
-            for pair in self.tight.iter().filter(|pair| pair.is_met) {
-                self.gains.join(search.candidates[pair.number as usize].slots, particles);
+            for pair in self.close_pairs.iter().filter(|pair| pair.is_met) {
+                self.force_velocities.join(search.candidates[pair.number as usize].slots, particles);
             }
         }
         self.losing.clear();
@@ -130,7 +130,7 @@ impl Advance {
             }
         }
         if loses && !self.losing.is_empty() {
-            self.gains.lose(particles, &self.losing);
+            self.force_velocities.lose(particles, &self.losing);
         }
         true
     }
@@ -139,7 +139,7 @@ impl Advance {
     fn stop_velocities(&self, search: &Search, particles: &mut Particles) {
         for _ in 0..VELOCITY_ITERATIONS {
             let mut any = false;
-            for pair in self.tight.iter().filter(|pair| pair.is_met) {
+            for pair in self.close_pairs.iter().filter(|pair| pair.is_met) {
                 let candidate = &search.candidates[pair.number as usize];
                 let (slots, weights) = (candidate.slots.map(|slot| slot as usize), pair.weights);
                 let inverse_mass = slots.map(|slot| particles.inverse_mass()[slot]);
@@ -181,7 +181,7 @@ impl Advance {
         (particles, loses): (&mut Particles, bool),
         on_mesh: &[bool],
     ) {
-        let Self { field, parts, next, stopped, is_pushed, gains, losing, .. } = self;
+        let Self { field, parts, next, stopped, is_pushed, force_velocities, losing, .. } = self;
         losing.clear();
         field.measure(start, particles, on_mesh);
         for slot in 0..particles.len() {
@@ -195,21 +195,22 @@ impl Advance {
             losing.push((slot as u32, 0.0));
         }
         if loses {
-            gains.join((0..particles.len() as u32).filter(|slot| on_mesh[*slot as usize]), particles);
-            gains.join(losing.iter().map(|(slot, _)| *slot), particles);
-            gains.lose(particles, losing);
+            force_velocities
+                .join((0..particles.len() as u32).filter(|slot| on_mesh[*slot as usize]), particles);
+            force_velocities.join(losing.iter().map(|(slot, _)| *slot), particles);
+            force_velocities.lose(particles, losing);
         }
     }
 
     /// Takes from the particles that were stopped in the last substep what they have gained since.
-    pub fn lose_gains(&mut self, particles: &mut Particles) {
+    pub fn lose_force_velocities(&mut self, particles: &mut Particles) {
         self.stopped.sort_unstable();
         self.stopped.dedup();
         self.losing.clear();
         let is_free = |slot: &&u32| !particles.is_pinned(**slot as usize);
         self.losing.extend(self.stopped.iter().filter(is_free).map(|slot| (*slot, 0.0)));
         if !self.losing.is_empty() {
-            self.gains.lose(particles, &self.losing);
+            self.force_velocities.lose(particles, &self.losing);
         }
     }
 
@@ -222,39 +223,48 @@ impl Advance {
     pub fn clear(&mut self) {
         self.stopped.clear();
         self.is_pushed.clear();
-        self.gains.clear();
+        self.force_velocities.clear();
     }
 
-    /// Lists the pairs that come too near on their ways, and those that are so near at the start that they would if one of them stopped.
-    /// Both are in any list of candidates that holds for these ways: which pairs are tight does not depend on when they were found.
-    fn find_tight(&mut self, search: &Search, moving: Moving, attempt: u32) {
-        self.tight.clear();
-        self.tight.reserve(search.near().len());
+    /// Lists the pairs that come too near on their paths, and those that are so near at the start that they would if one of them stopped.
+    /// Both are in any list of candidates that holds for these paths: which pairs are close does not depend on when they were found.
+    fn find_close_pairs(&mut self, search: &Search, moving: Moving, attempt: u32) {
+        self.close_pairs.clear();
+        self.close_pairs.reserve(search.near().len());
         for near in search.near() {
             let candidate = search.candidate(*near);
-            let most_near = (1.0 + CLOSE_PART) * LEAST_PART * candidate.largest_reach();
+            let most_near = (1.0 + CLOSE_PART) * MIN_DISTANCE_PART * candidate.largest_reach();
             if search.least_distance(*near) > most_near || search.crossings.exempt(candidate) {
                 continue;
             }
-            let ways = candidate.ways(moving);
-            let Closest { apart, weights } = ways.closest(0.0);
+            let paths = candidate.paths(moving);
+            let Closest { apart, weights } = paths.closest(0.0);
             let distance = apart.length();
             if distance.is_nan() || distance <= COINCIDENT * candidate.reach {
                 continue;
             }
             let direction = apart / distance;
-            let least = LEAST_PART * candidate.largest_reach();
+            let least = MIN_DISTANCE_PART * candidate.largest_reach();
             let approach = APPROACH * (distance / least).min(1.0);
             let least = least.min((1.0 - approach) * distance);
             let band = band(distance, least, attempt);
-            let is_apart = || ways.gap(direction, 1.0) >= band[0] || ways.first_within(distance, band) >= 1.0;
+            let is_apart =
+                || paths.gap(direction, 1.0) >= band[0] || paths.first_within(distance, band) >= 1.0;
             if distance > most_near && is_apart() {
                 continue;
             }
             let weights = candidate.signed(weights);
             let normal = direction;
             let number = near.number;
-            self.tight.push(Tight { number, direction, normal, weights, distance, least, is_met: false });
+            self.close_pairs.push(ClosePair {
+                number,
+                direction,
+                normal,
+                weights,
+                distance,
+                least,
+                is_met: false,
+            });
         }
     }
 
@@ -266,25 +276,25 @@ impl Advance {
         particles: &mut Particles,
         [round, attempt]: [u32; 2],
     ) -> bool {
-        let Self { tight, parts, next, stopped, is_pushed, .. } = self;
+        let Self { close_pairs, parts, next, stopped, is_pushed, .. } = self;
         let mut any = false;
-        for pair in &mut *tight {
+        for pair in &mut *close_pairs {
             let candidate = &search.candidates[pair.number as usize];
             let slots = candidate.slots.map(|slot| slot as usize);
             // In a later round only what has been stopped in the one before makes a difference.
             if round > 0 && !slots.iter().any(|slot| parts[*slot] < 1.0 || is_pushed[*slot]) {
                 continue;
             }
-            let mut ways = candidate.ways(Moving { start, end: &particles.position, particles });
-            for (way, slot) in ways.way.iter_mut().zip(slots) {
-                *way *= parts[slot];
+            let mut paths = candidate.paths(Moving { start, end: &particles.position, particles });
+            for (displacement, slot) in paths.displacement.iter_mut().zip(slots) {
+                *displacement *= parts[slot];
             }
             let band = band(pair.distance, pair.least, attempt + round);
-            if ways.gap(pair.direction, 1.0) >= band[0] {
+            if paths.gap(pair.direction, 1.0) >= band[0] {
                 continue;
             }
             let may_move_partly = round < MAX_PARTIAL_ROUNDS;
-            let time = ways.first_within(pair.distance, band);
+            let time = paths.first_within(pair.distance, band);
             if time >= 1.0 {
                 continue;
             }
@@ -292,7 +302,7 @@ impl Advance {
             let is_pushed_already = slots.iter().any(|slot| is_pushed[*slot]);
             let has_stopped = slots.iter().all(|slot| particles.is_pinned(*slot) || parts[*slot] == 0.0);
             if is_pushed_already || has_stopped {
-                any |= push((candidate, time), &ways, pair, particles, (parts, next, is_pushed, stopped));
+                any |= push((candidate, time), &paths, pair, particles, (parts, next, is_pushed, stopped));
             } else {
                 any |= stop_pair(
                     (slots, if may_move_partly { time } else { 0.0 }),
@@ -337,16 +347,16 @@ fn stop_pair(
 /// any are. They part at the closest points at a `time`.
 fn push(
     (candidate, time): (&Candidate, f32),
-    ways: &Ways,
-    pair: &mut Tight,
+    paths: &PairPaths,
+    pair: &mut ClosePair,
     particles: &mut Particles,
     (parts, next, is_pushed, stopped): (&mut [f32], &mut [f32], &mut [bool], &mut Vec<u32>),
 ) -> bool {
     let slots = candidate.slots.map(|slot| slot as usize);
-    let Closest { apart, weights } = ways.closest(time);
+    let Closest { apart, weights } = paths.closest(time);
     let (normal, weights) = (apart.normalize_or_zero(), candidate.signed(weights));
-    let ends = ways.at(1.0);
-    let gap: f32 = (0..4).map(|place| weights[place] * normal.dot(ends[place] - ends[0])).sum();
+    let ends = paths.at(1.0);
+    let gap = gap_along(normal, weights, ends);
     // Beyond what counts as near.
     let kept = pair.least + 2.0 * CLOSE_PART * pair.least.min(pair.distance - pair.least);
     let yielding = |place: usize| {

@@ -16,7 +16,7 @@ pub(super) const ATTEMPTS: [bool; 2] = [true, false];
 #[derive(Debug, Clone, Default)]
 pub(super) struct Confinement {
     held: Vec<(u32, f32, u32)>,
-    /// By body: its way, m, and velocity, m/s.
+    /// By body: its displacement, m, and velocity, m/s.
     common: Vec<[Vec3A; 2]>,
 }
 
@@ -50,9 +50,9 @@ impl Confinement {
         let Self { held, common, .. } = self;
         held.clear();
         common.clear();
-        let way = |slot: usize| Vec3A::from(end.get(slot) - start.get(slot));
+        let displacement = |slot: usize| Vec3A::from(end.get(slot) - start.get(slot));
         let mut hold = |slot: u32, common: Vec3A, body: usize| {
-            let length = way(slot as usize).distance(common);
+            let length = displacement(slot as usize).distance(common);
             let most = particles.radius()[slot as usize];
             if length > most && !particles.is_pinned(slot as usize) {
                 held.push((slot, most / length, body as u32));
@@ -67,7 +67,7 @@ impl Confinement {
                     present.fold((Vec3A::ZERO, 0.0), |(sum, count), one| (sum + one, count + 1.0));
                 if with_common && count > 0.0 { sum / count } else { Vec3A::ZERO }
             };
-            common.push([mean(&way), mean(&|slot| particles.velocity.get(slot).into())]);
+            common.push([mean(&displacement), mean(&|slot| particles.velocity.get(slot).into())]);
             vertices.iter().for_each(|slot| hold(*slot, common[number][0], number));
         }
         if !with_common {

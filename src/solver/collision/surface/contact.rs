@@ -3,21 +3,21 @@
 use bevy::math::{Vec3, Vec3A};
 
 use super::lists::NearPair;
-use super::pair::{CLOSE_PART, Kind, Ways, least_apart, rounding_of};
+use super::pair::{CLOSE_PART, Kind, PairPaths, least_apart, rounding_of};
 use super::primitives::owns;
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::PairRules;
 
-use super::super::material::{Material, Skin, skin_of};
-use super::super::response::{Approach, Rebound};
+use super::super::material::{ContactProperties, Material, properties_of};
+use super::super::response::{Approach, Rebound, SprungApproach};
 
 /// Fraction of the contact distance below which two primitives count as coincident: pairs that cross or are joined at the start are
 /// ignored.
 pub(super) const COINCIDENT: f32 = 1e-4;
 
 /// Pairs with a relative displacement below this fraction of their distance are examined at its end: they are on the same side there.
-const SLOW_WAY: f32 = 0.5;
+const SLOW_DISPLACEMENT: f32 = 0.5;
 
 /// Two primitives that touch.
 #[derive(Debug, Clone, Copy, Default)]
@@ -52,15 +52,25 @@ pub(super) struct Contact {
     pub slip: Vec3A,
 }
 
+/// What an explicit scheme has evaluated in a substep, if it has.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Evaluations<'a> {
+    /// The accelerations at its start and where it has led to, m/s²: see [`Evaluated`](super::super::Evaluated).
+    pub accelerations: Option<[&'a Vectors; 2]>,
+    /// By slot: whether an implicit step has moved the particle.
+    pub is_implicit: &'a [bool],
+}
+
 /// What the examination of pairs reads.
 pub(super) struct Examination<'a> {
     pub moving: Moving<'a>,
     /// m/s².
     pub acceleration: &'a Vectors,
+    pub evaluated: Evaluations<'a>,
     pub rebound: Rebound,
     pub rules: PairRules,
-    /// See [`skin_of`].
-    pub skins: &'a [Skin],
+    /// See [`properties_of`].
+    pub properties: &'a [ContactProperties],
     pub search: &'a Search,
     pub on_mesh: &'a [bool],
 }
@@ -93,12 +103,12 @@ impl Candidate {
     }
 
     /// The displacements of the corners in the substep.
-    pub fn ways(&self, moving: Moving) -> Ways {
+    pub fn paths(&self, moving: Moving) -> PairPaths {
         let ends = self.slots.map(|slot| moving.ends(slot as usize));
-        Ways {
+        PairPaths {
             kind: self.kind,
             start: ends.map(|[start, _]| start),
-            way: ends.map(|[start, end]| end - start),
+            displacement: ends.map(|[start, end]| end - start),
         }
     }
 
@@ -139,6 +149,12 @@ fn owns_end([one, other]: [f32; 2], marks: u8, is_known: bool) -> bool {
     }
 }
 
+/// How far apart the points with these weights are along a normal, m, with the corners in these places.
+pub(super) fn gap_along(normal: Vec3A, weights: [f32; 4], corners: [Vec3A; 4]) -> f32 {
+    // Relative to a corner: the weights add up to zero.
+    (0..4).map(|place| weights[place] * normal.dot(corners[place] - corners[0])).sum()
+}
+
 /// How a pair meets: at the closest points when its sides first come as near as they may, or at the end.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Meeting {
@@ -160,26 +176,28 @@ impl Examination<'_> {
         if least.is_nan() || least > largest + slop || self.search.crossings.exempt(candidate) {
             return None;
         }
-        let ways = candidate.ways(self.moving);
-        let way = ways.relative_way();
-        if least_apart(candidate.kind, &ways.start) - rounding_of(&ways.start) - way > largest + slop {
+        let paths = candidate.paths(self.moving);
+        let displacement = paths.relative_displacement();
+        if least_apart(candidate.kind, &paths.start) - rounding_of(&paths.start) - displacement
+            > largest + slop
+        {
             return None;
         }
-        let distance = ways.closest(0.0).apart.length();
-        if (distance - way).is_nan()
-            || distance - way > largest + slop
+        let distance = paths.closest(0.0).apart.length();
+        if (distance - displacement).is_nan()
+            || distance - displacement > largest + slop
             || distance <= COINCIDENT * candidate.reach
         {
             return None;
         }
-        let time = if way < SLOW_WAY * distance {
+        let time = if displacement < SLOW_DISPLACEMENT * distance {
             1.0
         } else if distance <= largest {
             0.0
         } else {
-            ways.first_near(distance, largest / (1.0 + CLOSE_PART))
+            paths.first_near(distance, largest / (1.0 + CLOSE_PART))
         };
-        let found = ways.closest(time);
+        let found = paths.closest(time);
         if !candidate.owns(&found.weights) {
             return None;
         }
@@ -192,15 +210,13 @@ impl Examination<'_> {
         if normal == Vec3A::ZERO || reach == 0.0 {
             return None;
         }
-        let ends = ways.at(1.0);
-        // Relative to a corner: the weights add up to zero.
-        let gap: f32 = (0..4).map(|place| weights[place] * normal.dot(ends[place] - ends[0])).sum();
+        let gap = gap_along(normal, weights, paths.at(1.0));
         Some(Meeting { weights, normal, reach, gap })
     }
 
     /// Restitution and friction of a pair.
     pub fn coefficients(&self, candidate: &Candidate) -> [f32; 2] {
-        let material = |slot: u32| skin_of(self.skins, slot as usize).material;
+        let material = |slot: u32| properties_of(self.properties, slot as usize).material;
         Material::of_pair([material(candidate.slots[0]), material(candidate.slots[3])], self.rules)
     }
 
@@ -214,6 +230,7 @@ impl Examination<'_> {
         if gap > reach + rebound.slop {
             return None;
         }
+        let sprung = candidate.slots.iter().any(|slot| self.on_mesh[*slot as usize]);
         let along = |vectors: &Vectors| -> f32 {
             let vector = |place: usize| Vec3A::from(vectors.get(candidate.slots[place] as usize));
             (0..4).map(|place| weights[place] * normal.dot(vector(place))).sum()
@@ -221,8 +238,20 @@ impl Examination<'_> {
         let velocity = along(&particles.velocity);
         let mut target_velocity = 0.0;
         if velocity < 0.0 {
-            let (acceleration, depth) = (along(acceleration), (reach - gap).max(0.0));
-            target_velocity = rebound.velocity_after(Approach { velocity, acceleration, depth });
+            let depth = (reach - gap).max(0.0);
+            target_velocity = match self.evaluated.accelerations.filter(|_| sprung && restitution > 0.0) {
+                Some(ends) => {
+                    let accelerations = self.accelerations(candidate, (&weights, normal), ends);
+                    let starts = candidate.paths(self.moving).start;
+                    let displacement = gap - gap_along(normal, weights, starts);
+                    let approach = SprungApproach { velocity, accelerations, displacement, depth };
+                    rebound.velocity_after_on_springs(approach).max(0.0)
+                }
+                None => {
+                    let acceleration = along(acceleration);
+                    rebound.velocity_after(Approach { velocity, acceleration, depth })
+                }
+            };
         }
         let resting = target_velocity == 0.0 && velocity.abs() < 2.0 * rebound.resting_speed;
         if gap > reach && !resting {
@@ -230,7 +259,6 @@ impl Examination<'_> {
         }
         let inverse_mass = |place: usize| particles.inverse_mass()[candidate.slots[place] as usize];
         let yields: f32 = (0..4).map(|place| weights[place] * weights[place] * inverse_mass(place)).sum();
-        let sprung = candidate.slots.iter().any(|slot| self.on_mesh[*slot as usize]);
         (yields > 0.0).then(|| Contact {
             places: candidate.slots,
             candidate: near.number,
@@ -244,6 +272,24 @@ impl Examination<'_> {
             sprung,
             ..Contact::default()
         })
+    }
+
+    /// The relative accelerations of a pair along a normal at the `ends` of the substep, m/s². That of what no spring pulls at is the same at both.
+    fn accelerations(
+        &self,
+        candidate: &Candidate,
+        (weights, normal): (&[f32; 4], Vec3A),
+        [start, end]: [&Vectors; 2],
+    ) -> [f32; 2] {
+        let is_implicit = |slot: usize| self.evaluated.is_implicit.get(slot) == Some(&true);
+        let mut sums = [0.0; 2];
+        for (slot, weight) in candidate.slots.iter().map(|slot| *slot as usize).zip(weights) {
+            let changes = self.on_mesh[slot] && !is_implicit(slot);
+            let of = |vectors: &Vectors| weight * normal.dot(Vec3A::from(vectors.get(slot)));
+            sums[0] += of(start);
+            sums[1] += of(if changes { end } else { start });
+        }
+        sums
     }
 }
 

@@ -35,7 +35,7 @@ impl Crossings {
         for near in &self.pairs {
             let candidate = &candidates[near.number as usize];
             let may_cross = candidate.least_distance(near.distance, moved) <= most_of(candidate);
-            if may_cross && candidate.ways(moving).closest(0.0).apart.length() <= most_of(candidate) {
+            if may_cross && candidate.paths(moving).closest(0.0).apart.length() <= most_of(candidate) {
                 self.slots.extend_from_slice(&candidate.slots);
             }
         }

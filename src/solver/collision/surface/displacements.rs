@@ -8,7 +8,7 @@ use super::spread::{EachMoved, Spread};
 use crate::solver::particles::Vectors;
 
 /// Number of substeps, at most, for which limits are to hold what moves fast.
-const WAYS: f32 = 4.0;
+const LIMIT_IN_DISPLACEMENTS: f32 = 4.0;
 
 /// Displacements of all vertices since some time, in two frames: *with its body*, without what all of the body have in common, and *in the
 /// world*. Distances within a body change by the first, those of bodies by the second.
@@ -50,7 +50,7 @@ impl Displacements {
         *least = least.min(limit);
     }
 
-    /// Whether all are within their limits on their ways in the substep, in the frames from `first_frame` on; `with_each` measures each.
+    /// Whether all are within their limits on their paths in the substep, in the frames from `first_frame` on; `with_each` measures each.
     /// Calls `check` for each body, and stops where that says no.
     pub fn hold(
         &mut self,
@@ -93,17 +93,17 @@ impl Displacements {
         })
     }
 
-    /// Begins at the start of the substep, with limits that are a `part` of those of `outer`, but a few ways in the substep at least: all
+    /// Begins at the start of the substep, with limits that are a `part` of those of `outer`, but a few displacements in the substep at least: all
     /// that hold these hold those. Whether there is room left for limits of half of that.
     pub fn begin_within(&mut self, outer: &Self, measured: Measured, part: f32) -> bool {
         let Measured { primitives, moving, frames } = measured;
         self.begin(moving, primitives.forest.bodies.len());
-        let limit_of = |slot: usize, frame: usize, [before, way]: [f32; 2]| {
+        let limit_of = |slot: usize, frame: usize, [before, displacement]: [f32; 2]| {
             let most = outer.limits[frame][slot];
-            let wanted = (part * most).max(WAYS * way);
+            let wanted = (part * most).max(LIMIT_IN_DISPLACEMENTS * displacement);
             // All of it is left where `outer` begins in this substep, too.
             let left = most - before;
-            (wanted.min(left), left < (0.5 * part * most).max(way))
+            (wanted.min(left), left < (0.5 * part * most).max(displacement))
         };
         // How far a vertex has come since `outer` began, and goes in the substep, with what has been in common by then taken off.
         let lengths = |slot: usize, [before, common]: [Vec3A; 2]| {

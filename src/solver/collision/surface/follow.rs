@@ -9,7 +9,7 @@ use bevy::math::Vec3A;
 
 use crate::solver::particles::{Particles, Vectors};
 
-/// Within how many of the longest ways and the greatest radii, together, the field has faded to a half.
+/// Within how many of the longest displacements and the greatest radii, together, the field has faded to a half.
 const REACH: f32 = 16.0;
 
 /// The displacement field that follows the displacements of all pinned particles that collide.
@@ -44,9 +44,9 @@ impl DisplacementField {
     /// The displacement at a place, m.
     pub fn at(&self, place: Vec3A) -> Vec3A {
         let (mut sum, mut weights) = (Vec3A::ZERO, self.rest);
-        for [from, way] in &self.sources {
+        for [from, displacement] in &self.sources {
             let weight = place.distance_squared(*from).max(f32::MIN_POSITIVE.sqrt()).powi(-2);
-            (sum, weights) = (sum + weight * *way, weights + weight);
+            (sum, weights) = (sum + weight * *displacement, weights + weight);
         }
         if self.sources.is_empty() { Vec3A::ZERO } else { sum / weights }
     }

@@ -1,7 +1,7 @@
 //! The pairs that are near, among all that were found: lists within lists.
 //!
 //! A search finds all pairs that may touch before a vertex leaves its box, which is wide, as searches are dear. Most of them are far
-//! from touching for all of that time. A list has those of them that may touch before a vertex goes a part of that way from where it
+//! from touching for all of that time. A list has those of them that may touch before a vertex goes a part of that distance from where it
 //! is now, by their distances of now, and another list those of the first one: the last is the one that is looked at in each substep,
 //! and is made anew from the one before as often as it has to be (Verlet's neighbour lists, *Phys. Rev.* 159, 98, 1967, nested).
 

@@ -9,7 +9,7 @@
 //!   contact*, SIGGRAPH 2025): cheap and local, but a bound of a part of the distance is used up by what moves together or
 //!   slides, as all of a falling cloth does, and each bound that is used up costs a search.
 //! - *A certificate for each pair*, which is used here: sides that are apart along one direction at the start and at the end
-//!   of straight ways were so all the way (`advance.rs`). It is as cheap as a bound (four products), as local (only
+//!   of straight paths were so all the way (`advance.rs`). It is as cheap as a bound (four products), as local (only
 //!   particles of pairs that are not certified stop), exact for what slides and moves together, and needs no memory: all of
 //!   this is a function of where particles are at the start and at the end of a substep. A few pairs that fail are advanced
 //!   conservatively. The bounds of offset geometric contact remain for what they are best at, pairs that were not found: each
@@ -30,13 +30,13 @@ mod confine;
 mod contact;
 mod crossing;
 mod displacements;
-mod finder;
 mod follow;
-mod gains;
+mod force_velocities;
 mod grip;
 mod lists;
 mod near;
 mod pair;
+mod pair_collector;
 mod primitives;
 mod search;
 mod solve;
@@ -47,7 +47,7 @@ mod walks;
 
 use advance::Advance;
 use confine::{ATTEMPTS, Confinement};
-use contact::{Contact, Examination};
+use contact::{Contact, Evaluations, Examination};
 pub(super) use grip::Grip;
 use grip::Grips;
 use primitives::Primitives;
@@ -57,12 +57,12 @@ pub(in crate::solver) use stiff::StiffContact;
 pub(super) use stiff::{CONTACT_HYSTERESIS, MAX_ELEMENT_SHARE};
 pub(super) use tree::Box3;
 
-use super::material::Skin;
+use super::material::ContactProperties;
 use super::response::Rebound;
-use super::{ContactMemory, ContactPartner, ContactRecord, Substep};
+use super::{ContactMemory, ContactPartner, ContactRecord, Evaluated, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
-use crate::solver::settings::{Integrator, StepSettings};
+use crate::solver::settings::{Integrator, PairRules, StepSettings};
 
 /// Number of times, at most, that what is to stop is looked for in a substep, each time among more pairs; after half of them, and
 /// after the last one, all go back to where they were.
@@ -87,8 +87,8 @@ pub(in crate::solver) struct Surfaces {
     places: Vec<u32>,
     advance: Advance,
     confinement: Confinement,
-    /// The skins of the last search.
-    skins: Vec<Skin>,
+    /// The contact properties of the last search.
+    properties: Vec<ContactProperties>,
     is_active: bool,
 }
 
@@ -98,15 +98,15 @@ impl Surfaces {
         &mut self,
         memory: &mut ContactMemory,
         (mesh, elements, particles): (&CollisionMesh, &Elements, &Particles),
-        (settings, skins): (&StepSettings, &[Skin]),
+        (settings, properties): (&StepSettings, &[ContactProperties]),
     ) {
         let any = settings.pair_rules.is_some();
         if any && self.primitives.refresh(mesh, elements, particles, settings.collide_springs) {
             self.search.reset();
         }
-        if any && self.skins != skins {
-            self.skins.clear();
-            self.skins.extend_from_slice(skins);
+        if any && self.properties != properties {
+            self.properties.clear();
+            self.properties.extend_from_slice(properties);
             self.search.reset();
         }
         self.is_active = any && self.primitives.any;
@@ -143,6 +143,12 @@ impl Surfaces {
         if self.is_active { &self.primitives.covered } else { &[] }
     }
 
+    /// Whether what springs pull at may rebound in this tick.
+    pub fn may_rebound(&self, settings: &StepSettings, properties: &[ContactProperties]) -> bool {
+        let may = |rules: PairRules| rules.restitution > 0.0 || !properties.is_empty();
+        self.is_active && settings.pair_rules.is_some_and(may)
+    }
+
     /// Keeps where all are at the start of a substep.
     pub fn begin_substep(&mut self, particles: &Particles) {
         if self.is_active {
@@ -154,22 +160,22 @@ impl Surfaces {
     /// To be called before the velocities of the particles change by forces.
     pub fn begin_advance(&mut self, particles: &Particles) {
         if self.is_active {
-            self.advance.gains.begin(particles);
+            self.advance.force_velocities.begin(particles);
         }
     }
 
     /// To be called when they have, before any contacts of the substep are solved.
     pub fn end_advance(&mut self, particles: &Particles) {
         if self.is_active {
-            self.advance.gains.end(particles);
+            self.advance.force_velocities.end(particles);
         }
     }
 
     /// To be called when the velocities have changed by forces once more after the last substep.
     pub fn end_tick(&mut self, particles: &mut Particles) {
         if self.is_active {
-            self.advance.gains.end(particles);
-            self.advance.lose_gains(particles);
+            self.advance.force_velocities.end(particles);
+            self.advance.lose_force_velocities(particles);
         }
     }
 
@@ -197,21 +203,31 @@ impl Surfaces {
         &mut self,
         memory: &mut ContactMemory,
         particles: &mut Particles,
-        substep: Substep,
+        (substep, evaluated): (Substep, Option<Evaluated>),
         is_implicit: &[bool],
         records: Option<&mut Vec<ContactRecord>>,
     ) -> bool {
         self.contacts.clear();
         self.bodies.clear();
         memory.grips.clear();
-        let Substep { settings, integrator, duration, acceleration, skins, .. } = substep;
+        let Substep { settings, integrator, duration, acceleration, properties, .. } = substep;
         let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return false };
         let rebound = rebound_of(settings, (integrator, duration));
-        self.ensure(particles, (skins, rebound.slop));
+        self.ensure(particles, (properties, rebound.slop));
         let Self { contacts, search, primitives, start, .. } = self;
         let moving = Moving { start, end: &particles.position, particles };
         let on_mesh = &primitives.on_mesh[..];
-        let examination = Examination { moving, acceleration, rebound, rules, skins, search, on_mesh };
+        let evaluated = evaluated.map(|evaluated| evaluated.accelerations);
+        let examination = Examination {
+            moving,
+            acceleration,
+            evaluated: Evaluations { accelerations: evaluated, is_implicit },
+            rebound,
+            rules,
+            properties,
+            search,
+            on_mesh,
+        };
         let is_solved = |slot: &u32| {
             particles.is_pinned(*slot as usize) || is_implicit.get(*slot as usize) == Some(&true)
         };
@@ -243,7 +259,7 @@ impl Surfaces {
     }
 
     /// Finds the pairs that may touch along the displacements to the present positions; whether anything was held back for it.
-    fn ensure(&mut self, particles: &mut Particles, wanted: (&[Skin], f32)) -> bool {
+    fn ensure(&mut self, particles: &mut Particles, wanted: (&[ContactProperties], f32)) -> bool {
         let Self { search, primitives, start, confinement, .. } = self;
         search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
         let mut is_held = false;
@@ -278,7 +294,12 @@ impl Surfaces {
     /// Stops what would pass through something in this substep, whatever has moved it; whether there was any.
     ///
     /// `is_implicit` says that an implicit step ends here: the caller compares its energies.
-    pub fn stop_crossings(&mut self, particles: &mut Particles, skins: &[Skin], is_implicit: bool) -> bool {
+    pub fn stop_crossings(
+        &mut self,
+        particles: &mut Particles,
+        properties: &[ContactProperties],
+        is_implicit: bool,
+    ) -> bool {
         if !self.is_active {
             return false;
         }
@@ -288,7 +309,7 @@ impl Surfaces {
                 self.advance.put_back(&self.start, (particles, !is_implicit), &self.primitives.on_mesh);
             }
             // Where some stop and others go on they may meet what they would have gone along with.
-            any |= self.ensure(particles, (skins, 0.0));
+            any |= self.ensure(particles, (properties, 0.0));
             let Self { advance, search, primitives, start, .. } = self;
             if !advance.stop((search, &primitives.on_mesh), start, particles, (stop, !is_implicit)) {
                 return any;

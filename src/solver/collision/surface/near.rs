@@ -1,5 +1,6 @@
 //! Which particles of a mesh are neighbours along it: their contact distance is at most half of the distance along the mesh.
 
+use super::tree::MAX_CORNERS;
 use crate::solver::buckets::Buckets;
 
 /// Ways along the mesh up to this multiple of the radius of the particle where they begin are known; those of two that
@@ -71,6 +72,29 @@ impl Near {
         });
     }
 
+    /// The ways from corners of one cluster to those of another one; both in ascending order.
+    pub fn between(&self, first: &[u32], second: &[u32]) -> ClusterWays {
+        let mut ways = ClusterWays([[f32::INFINITY; MAX_CORNERS]; MAX_CORNERS]);
+        let ([Some(least), Some(most)], false) = ([second.first(), second.last()], self.ways.is_empty())
+        else {
+            return ways;
+        };
+        for (slot, own) in first.iter().zip(&mut ways.0) {
+            let near = self.ways.of(*slot as usize);
+            let start = near.partition_point(|(other, _)| other < least);
+            let mut place = 0;
+            for (other, way) in near[start..].iter().take_while(|(other, _)| other <= most) {
+                while second[place] < *other {
+                    place += 1;
+                }
+                if second[place] == *other {
+                    own[place] = *way;
+                }
+            }
+        }
+        ways
+    }
+
     /// The least way from a corner of one side to one of the other, m; infinity where it is long.
     pub fn way(&self, first: &[u32], second: &[u32]) -> f32 {
         if self.ways.is_empty() {
@@ -82,6 +106,23 @@ impl Near {
                 if *way < least && second.contains(other) {
                     least = *way;
                 }
+            }
+        }
+        least
+    }
+}
+
+/// The ways along the mesh between the corners of two clusters, by their places, m; infinity where they are long.
+pub(super) struct ClusterWays([[f32; MAX_CORNERS]; MAX_CORNERS]);
+
+impl ClusterWays {
+    /// The least of the ways from corners of the first cluster to those of the second, m.
+    #[inline]
+    pub fn least(&self, first: &[u8], second: &[u8]) -> f32 {
+        let mut least = f32::INFINITY;
+        for one in first {
+            for other in second {
+                least = least.min(self.0[*one as usize][*other as usize]);
             }
         }
         least
@@ -101,5 +142,17 @@ mod tests {
         assert_eq!(near.way(&[0], &[3, 4]), 2.5);
         assert_eq!(near.way(&[0, 1], &[3, 4]), 2.0);
         assert_eq!(near.way(&[0, 1, 2, 3], &[4]), f32::INFINITY);
+        let corners = [[0, 1, 4].as_slice(), &[1, 2, 3]];
+        let ways = near.between(corners[0], corners[1]);
+        for (one, first) in (0..).zip(corners[0]) {
+            for (other, second) in (0..).zip(corners[1]) {
+                assert_eq!(
+                    ways.least(&[one], &[other]),
+                    near.way(&[*first], &[*second]),
+                    "{first} to {second}"
+                );
+            }
+        }
+        assert_eq!(ways.least(&[0, 2], &[1, 2]), 1.5);
     }
 }

@@ -30,12 +30,12 @@ impl Kind {
 }
 
 /// The part of the distance at which two primitives touch that is always left between them.
-pub(super) const LEAST_PART: f32 = 0.1;
+pub(super) const MIN_DISTANCE_PART: f32 = 0.1;
 
 /// The part of the least distance, beyond it, within which two have come near; of what was between them, if that is less.
 pub(super) const CLOSE_PART: f32 = 0.25;
 
-/// Rounding of distances and ways, as a part of a coordinate.
+/// Rounding of distances and displacements, as a part of a coordinate.
 const DISTANCE_ROUNDING: f32 = 2e-6;
 
 /// Number of steps of a conservative advancement, at most.
@@ -65,18 +65,18 @@ pub(super) fn rounding_of(corners: &[Vec3A; 4]) -> f32 {
 
 /// The straight paths of the corners of a pair.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ways {
+pub(super) struct PairPaths {
     pub kind: Kind,
     /// m.
     pub start: [Vec3A; 4],
     /// m.
-    pub way: [Vec3A; 4],
+    pub displacement: [Vec3A; 4],
 }
 
-impl Ways {
-    /// Where the corners are when the part `time` of the way is done.
+impl PairPaths {
+    /// Where the corners are when the part `time` of the path is done.
     pub fn at(&self, time: f32) -> [Vec3A; 4] {
-        std::array::from_fn(|corner| self.start[corner] + time * self.way[corner])
+        std::array::from_fn(|corner| self.start[corner] + time * self.displacement[corner])
     }
 
     /// The closest points then.
@@ -84,25 +84,30 @@ impl Ways {
         closest(self.kind, &self.at(time))
     }
 
-    /// The distance of the sides along a direction when the part `time` of the way is done. As a function of time this is
+    /// The distance of the sides along a direction when the part `time` of the path is done. As a function of time this is
     /// concave, so that on all the way they are at least as far apart along it as at one of its ends.
     pub fn gap(&self, direction: Vec3A, time: f32) -> f32 {
         // Relative to a corner, so that little is lost by rounding.
         let (sides, origin) = (self.kind.first_side(), self.start[0]);
-        let along = |corner: usize| direction.dot((self.start[corner] - origin) + time * self.way[corner]);
+        let along =
+            |corner: usize| direction.dot((self.start[corner] - origin) + time * self.displacement[corner]);
         let first = (0..sides).map(along).fold(f32::INFINITY, f32::min);
         let second = (sides..self.kind.corners()).map(along).fold(f32::NEG_INFINITY, f32::max);
         first - second
     }
 
-    /// The longest way, at most, of a point of one side relative to one of the other, m.
-    pub fn relative_way(&self) -> f32 {
+    /// The longest displacement, at most, of a point of one side relative to one of the other, m.
+    pub fn relative_displacement(&self) -> f32 {
         let (sides, count) = (self.kind.first_side(), self.kind.corners());
-        let mean = self.way[..count].iter().sum::<Vec3A>() / count as f32;
+        let mean = self.displacement[..count].iter().sum::<Vec3A>() / count as f32;
         let longest = |corners: &[Vec3A]| {
-            corners.iter().map(|way| (*way - mean).length_squared()).fold(0.0, f32::max).sqrt()
+            corners
+                .iter()
+                .map(|displacement| (*displacement - mean).length_squared())
+                .fold(0.0, f32::max)
+                .sqrt()
         };
-        longest(&self.way[..sides]) + longest(&self.way[sides..count])
+        longest(&self.displacement[..sides]) + longest(&self.displacement[sides..count])
     }
 
     /// Whether they are at least `least` m apart all the way along the direction of their closest points at the end.
@@ -112,7 +117,7 @@ impl Ways {
         distance >= least && self.gap(apart / distance, 0.0) >= least
     }
 
-    /// When the sides, which are `distance` m apart at the start, first come as near as `least`, m: a part of the way; 1 if
+    /// When the sides, which are `distance` m apart at the start, first come as near as `least`, m: a part of the path; 1 if
     /// they never do. It is never later than that, and the distance then is at most 1 + [`CLOSE_PART`] times that: what stops does
     /// not depend on which pairs are looked at that never come so near.
     ///
@@ -124,7 +129,7 @@ impl Ways {
 
     /// The same, at a distance between `least` and `close`, m.
     pub fn first_within(&self, distance: f32, [least, close]: [f32; 2]) -> f32 {
-        let speed = self.relative_way();
+        let speed = self.relative_displacement();
         if distance - speed > least || self.is_apart_at_the_end(least) {
             return 1.0;
         }
@@ -152,11 +157,11 @@ mod tests {
     const FACE: [Vec3A; 3] =
         [Vec3A::new(-1.0, -1.0, 0.0), Vec3A::new(1.0, -1.0, 0.0), Vec3A::new(0.0, 1.0, 0.0)];
 
-    fn flight(from: Vec3A, way: Vec3A) -> Ways {
-        Ways {
+    fn flight(from: Vec3A, displacement: Vec3A) -> PairPaths {
+        PairPaths {
             kind: Kind::VertexFace,
             start: [from, FACE[0], FACE[1], FACE[2]],
-            way: [way, Vec3A::ZERO, Vec3A::ZERO, Vec3A::ZERO],
+            displacement: [displacement, Vec3A::ZERO, Vec3A::ZERO, Vec3A::ZERO],
         }
     }
 
@@ -192,8 +197,8 @@ mod tests {
 
     #[test]
     fn what_moves_together_has_no_way_to_each_other() {
-        let together = Ways { way: [Vec3A::splat(100.0); 4], ..flight(Vec3A::Z, Vec3A::ZERO) };
-        assert!(together.relative_way() < 1e-4);
+        let together = PairPaths { displacement: [Vec3A::splat(100.0); 4], ..flight(Vec3A::Z, Vec3A::ZERO) };
+        assert!(together.relative_displacement() < 1e-4);
         assert_eq!(together.first_near(1.0, 0.9), 1.0);
     }
 }

@@ -25,6 +25,8 @@ pub(super) struct Primitive {
     pub corners: [u32; 3],
     /// See [`owns`]; of an edge the corners that it owns and whether it belongs to a triangle.
     pub marks: u8,
+    /// The places of the corners among those of its cluster.
+    pub places: [u8; 3],
 }
 
 /// All that may collide.
@@ -194,7 +196,8 @@ fn items(edges: impl Iterator<Item = [u32; 2]>, triangles: &[[u32; 3]], count: u
                 own[place] = known.ok().map(|place| edges[place]);
             }
         }
-        items.push(Item { triangle: Some(Primitive { corners: *corners, marks }), edges: own });
+        let triangle = Primitive { corners: *corners, marks, ..Primitive::default() };
+        items.push(Item { triangle: Some(triangle), edges: own });
     }
     let bare = edges.iter().filter(|edge| edge.marks & owns::FACE == 0);
     items.extend(bare.map(|edge| Item { triangle: None, edges: [Some(*edge), None, None] }));
@@ -218,7 +221,7 @@ fn marked_edges(
         let [a, b] = side;
         let face = if is_of_face(side) { owns::FACE } else { 0 };
         let marks = (owns::CORNER * first_at(a)) | ((owns::CORNER << 1) * first_at(b)) | face;
-        Primitive { corners: [a, b, b], marks }
+        Primitive { corners: [a, b, b], marks, ..Primitive::default() }
     };
     edges.into_iter().map(mark).collect()
 }

@@ -9,25 +9,29 @@ use bevy::math::Vec3A;
 
 use super::crossing::Crossings;
 use super::displacements::{Displacements, Measured};
-use super::finder::Wanted;
 use super::lists::{List, NearPair};
 use super::pair::Kind;
+use super::pair_collector::PairQuery;
 use super::primitives::Primitives;
-use super::spread::{Spread, margin_of};
+use super::spread::{Spread, margin_of, slow_margin};
 use super::tree::Box3;
 use super::walks::Walks;
 use crate::solver::particles::{Particles, Vectors};
 
-use super::super::material::Skin;
+use super::super::material::ContactProperties;
 
 /// A body with a vertex farther from its mean than this many of its sizes has diverged and no longer collides.
 const MAX_EXTENT: f32 = 10.0;
 
 /// Number of pairs per primitive from which on old lists are rebuilt.
-const MANY_PAIRS: usize = 8;
+const MAX_PAIRS_PER_PRIMITIVE: usize = 8;
 
-/// Age at which they are, in substeps; doubled each time that the new list is as long.
+/// Age at which they are, in substeps.
 const MAX_AGE: u32 = 48;
+
+/// Only lists of a search that allowed for fast motion are rebuilt with age: its margins were, on average, wider than those of vertices at
+/// rest by this factor. A new search at narrow margins would find as many pairs again.
+const MIN_WIDENING: f32 = 1.5;
 
 /// Two primitives that may touch before a vertex leaves its box.
 #[derive(Debug, Clone, Copy, Default)]
@@ -55,7 +59,8 @@ pub(super) struct Search {
     pub is_overfull: bool,
     /// Number of times that it has been good enough since.
     age: u32,
-    max_age: u32,
+    /// Whether it allowed for fast motion.
+    is_wide: bool,
     /// Distance from touching up to which pairs are found, within a body and of bodies, m.
     margins: [f32; 2],
     /// Since the search. The boxes allow for the limits.
@@ -74,7 +79,7 @@ pub(super) struct Search {
     /// By body: see [`Measured`].
     frames: Vec<usize>,
     /// By body: how far it moves as a whole in the substep of the search, m.
-    ways: Vec<Vec3A>,
+    drifts: Vec<Vec3A>,
     /// By body: the greatest radius, m.
     largest: Vec<f32>,
 }
@@ -102,13 +107,18 @@ impl Search {
     }
 
     /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found.
-    pub fn ensure(&mut self, primitives: &Primitives, moving: Moving, (skins, margin): (&[Skin], f32)) {
+    pub fn ensure(
+        &mut self,
+        primitives: &Primitives,
+        moving: Moving,
+        (properties, margin): (&[ContactProperties], f32),
+    ) {
         if margin > self.listed_margin {
             (self.listed_margin, self.built) = (margin, 0);
         }
         let margins = [margin; 2];
         if !(self.is_still_good(primitives, margins) && self.hold_lists(primitives, moving, false)) {
-            self.renew(primitives, moving, (skins, margins, true));
+            self.renew(primitives, moving, (properties, margins, true));
             // Beyond all scales it may not hold even now: then all candidates are looked at.
             if !self.hold_lists(primitives, moving, true) {
                 self.list_all(moving);
@@ -120,19 +130,19 @@ impl Search {
         self.crossings.find(&self.candidates, &self.lists[1].displacements.moved, moving);
     }
 
-    /// Makes the candidates good for a way: all pairs that come within `margin` m of touching are among them, those within a body only if
+    /// Makes the candidates good for a displacement: all pairs that come within `margin` m of touching are among them, those within a body only if
     /// they are wanted, in an order that does not depend on when they were found.
     pub fn ensure_candidates(
         &mut self,
         primitives: &Primitives,
         moving: Moving,
-        (skins, margin, within): (&[Skin], f32, bool),
+        (properties, margin, within): (&[ContactProperties], f32, bool),
     ) {
         let margins = [if within { margin } else { 0.0 }, margin];
         let first_frame = usize::from(!within);
         let is_good = self.is_still_good(primitives, margins);
         if !(is_good && self.hold((0, first_frame), primitives, moving, true)) {
-            self.renew(primitives, moving, (skins, margins, within));
+            self.renew(primitives, moving, (properties, margins, within));
             if !self.hold((0, first_frame), primitives, moving, true) {
                 self.displacements.moved.iter_mut().for_each(|moved| moved.fill(f32::INFINITY));
             }
@@ -170,12 +180,9 @@ impl Search {
     }
 
     fn is_old(&self, primitives: &Primitives) -> bool {
-        self.age > self.max_age.max(MAX_AGE) && self.has_many(primitives)
-    }
-
-    fn has_many(&self, primitives: &Primitives) -> bool {
         let forest = &primitives.forest;
-        self.candidates.len() > MANY_PAIRS * (forest.edges.len() + forest.triangles.len())
+        let many = MAX_PAIRS_PER_PRIMITIVE * (forest.edges.len() + forest.triangles.len());
+        self.is_wide && self.age > MAX_AGE && self.candidates.len() > many
     }
 
     /// Searches anew, with room for ways within bodies if these are wanted.
@@ -183,17 +190,14 @@ impl Search {
         &mut self,
         primitives: &Primitives,
         moving: Moving,
-        (skins, margins, within): (&[Skin], [f32; 2], bool),
+        (properties, margins, within): (&[ContactProperties], [f32; 2], bool),
     ) {
-        let is_old = self.is_old(primitives);
         (0..2).for_each(|frame| self.margins[frame] = self.margins[frame].max(margins[frame]));
         self.make_boxes(primitives, moving, within);
         let Self { displacements, boxes, frames, candidates, margins, .. } = self;
-        let wanted = Wanted { primitives, moving, skins, limits: &displacements.limits, margins: *margins };
-        self.is_overfull = !self.walks.find(wanted, boxes, (frames, &self.ways), candidates);
-        // Where that finds as many again, it is done less often.
-        let is_in_vain = is_old && self.has_many(primitives);
-        self.max_age = if is_in_vain { self.max_age.max(MAX_AGE).saturating_mul(2) } else { MAX_AGE };
+        let query =
+            PairQuery { primitives, moving, properties, limits: &displacements.limits, margins: *margins };
+        self.is_overfull = !self.walks.find(query, boxes, (frames, &self.drifts), candidates);
         (self.is_good, self.age, self.built) = (!self.is_overfull, 0, 0);
     }
 
@@ -286,17 +290,20 @@ impl Search {
 
     /// Computes the margins and boxes of the vertices, with room for ways within bodies if these are wanted.
     fn make_boxes(&mut self, primitives: &Primitives, moving: Moving, within: bool) {
-        let Self { displacements, boxes, frames, ways, largest, .. } = self;
+        let Self { displacements, boxes, frames, drifts, largest, .. } = self;
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         displacements.begin(moving, forest.bodies.len());
         boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
         frames.clear();
-        ways.clear();
+        drifts.clear();
         largest.clear();
         let margins = self.margins;
-        let mut place = |slot: usize, way: Vec3A, frame: usize| {
-            let (limit, place) = margin_of(moving.ends(slot), way, (radius[slot], margins[frame]));
+        // All margins, and what they would be of slow vertices, m.
+        let mut sums = [0.0; 2];
+        let mut place = |slot: usize, displacement: Vec3A, frame: usize| {
+            let (limit, place) = margin_of(moving.ends(slot), displacement, (radius[slot], margins[frame]));
             boxes[frame][slot] = place;
+            (sums[0], sums[1]) = (sums[0] + limit, sums[1] + slow_margin(radius[slot], margins[frame]));
             limit
         };
         for (number, body) in forest.bodies.iter().enumerate() {
@@ -307,18 +314,19 @@ impl Search {
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 let [start, end] = moving.ends(slot);
                 let own = if within { end - start - drift } else { Vec3A::ZERO };
-                for (frame, way) in [own, end - start].into_iter().enumerate() {
-                    displacements.limit((number, slot, frame), place(slot, way, frame));
+                for (frame, displacement) in [own, end - start].into_iter().enumerate() {
+                    displacements.limit((number, slot, frame), place(slot, displacement, frame));
                 }
                 thickest = thickest.max(radius[slot]);
             }
             largest.push(thickest);
-            ways.push(drift);
+            drifts.push(drift);
         }
         for slot in primitives.balls.iter().map(|slot| *slot as usize) {
             let [start, end] = moving.ends(slot);
             displacements.limits[1][slot] = place(slot, end - start, 1);
         }
+        self.is_wide = sums[0] > MIN_WIDENING * sums[1];
     }
 }
 

@@ -14,7 +14,7 @@
 use bevy::math::Vec3A;
 
 use super::contact::Contact;
-use super::pair::LEAST_PART;
+use super::pair::MIN_DISTANCE_PART;
 
 use super::super::response::{shortened, tangential};
 
@@ -135,14 +135,14 @@ fn depth(contact: &Contact, bodies: &[Touching], of: impl Fn(&Touching) -> Vec3A
 /// What a contact that springs press keeps of its overlap at the start of the substep, m.
 fn kept_overlap(contact: &Contact, bodies: &[Touching]) -> f32 {
     let depth = depth(contact, bodies, |body| body.start);
-    let urgent = (URGENT * LEAST_PART * contact.reach).min(URGENT * (contact.reach - depth));
+    let urgent = (URGENT * MIN_DISTANCE_PART * contact.reach).min(URGENT * (contact.reach - depth));
     ((1.0 - SPRUNG_CORRECTION) * depth).clamp(0.0, contact.reach - urgent.max(0.0))
 }
 
 /// Parts the sides of a contact; whether they were nearer than the least distance. `is_urgent_only` leaves the others alone.
 fn separate(contact: &mut Contact, bodies: &mut [Touching], is_urgent_only: bool) -> bool {
     let depth = depth(contact, bodies, |body| body.position);
-    let is_urgent = contact.reach - depth < LEAST_PART * contact.reach;
+    let is_urgent = contact.reach - depth < MIN_DISTANCE_PART * contact.reach;
     if is_urgent_only && !is_urgent {
         return false;
     }

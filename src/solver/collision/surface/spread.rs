@@ -146,9 +146,10 @@ impl pulp::WithSimd for EachMoved<'_> {
                 let mut squares = [simd.splat_f32s(0.0); 2];
                 for axis in 0..3 {
                     for (side, position) in [start, end].into_iter().enumerate() {
-                        let way = simd.sub_f32s(position[axis].0[number], origin[axis].0[number]);
-                        let way = simd.sub_f32s(way, simd.splat_f32s(drift[side][axis]));
-                        squares[side] = simd.add_f32s(squares[side], simd.mul_f32s(way, way));
+                        let displacement = simd.sub_f32s(position[axis].0[number], origin[axis].0[number]);
+                        let displacement = simd.sub_f32s(displacement, simd.splat_f32s(drift[side][axis]));
+                        squares[side] =
+                            simd.add_f32s(squares[side], simd.mul_f32s(displacement, displacement));
                     }
                 }
                 let square = simd.max_f32s(squares[0], squares[1]);
@@ -159,8 +160,9 @@ impl pulp::WithSimd for EachMoved<'_> {
             }
             for number in 0..limits.1.len() {
                 let square = [start, end].into_iter().zip(drift).map(|(position, drift)| {
-                    let way = |axis: usize| (position[axis].1[number] - origin[axis].1[number]) - drift[axis];
-                    (0..3).map(|axis| way(axis) * way(axis)).sum::<f32>()
+                    let displacement =
+                        |axis: usize| (position[axis].1[number] - origin[axis].1[number]) - drift[axis];
+                    (0..3).map(|axis| displacement(axis) * displacement(axis)).sum::<f32>()
                 });
                 let square = square.fold(0.0, f32::max);
                 let far = if square < f32::INFINITY { square.sqrt() } else { 0.0 };
@@ -172,26 +174,31 @@ impl pulp::WithSimd for EachMoved<'_> {
     }
 }
 
-/// The margin of a vertex of a `radius` that moves by `way`: how far it may get from the first of two places, m; and the box in which it
+/// The margin of a vertex of a `radius` that moves by `displacement`: how far it may get from the first of two places, m; and the box in which it
 /// is then, with its radius.
 #[inline(always)]
-pub(super) fn margin_of(ends: [Vec3A; 2], way: Vec3A, (radius, margin): (f32, f32)) -> (f32, Box3) {
+pub(super) fn margin_of(ends: [Vec3A; 2], displacement: Vec3A, (radius, margin): (f32, f32)) -> (f32, Box3) {
     if !(ends[0] + ends[1]).is_finite() {
         return (0.0, Box3::NOTHING);
     }
-    let way = way.length();
-    let skin = (SKIN * radius).max((FAST_SKIN[0] * way).min(FAST_SKIN[1] * radius));
+    let displacement = displacement.length();
+    let skin = (SKIN * radius).max((FAST_SKIN[0] * displacement).min(FAST_SKIN[1] * radius));
     let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
-    let own_margin = way + skin + 0.5 * margin + f32::MIN_POSITIVE;
+    let own_margin = displacement + skin + 0.5 * margin + f32::MIN_POSITIVE;
     let reach = Vec3A::splat(radius + own_margin + rounding);
     (own_margin, Box3 { least: ends[0] - reach, most: ends[0] + reach })
 }
 
-/// The box of a body, enlarged for some substeps in each of which it moves by `way`: while it overlaps no other one, nothing else has to
+/// The margin of a vertex that hardly moves, m.
+pub(super) fn slow_margin(radius: f32, margin: f32) -> f32 {
+    SKIN * radius + 0.5 * margin
+}
+
+/// The box of a body, enlarged for some substeps in each of which it moves by `displacement`: while it overlaps no other one, nothing else has to
 /// be checked of where the body is in the world.
-pub(super) fn enlarged(tight: Box3, way: Vec3A) -> Box3 {
-    let way = BODY_SUBSTEPS * way;
+pub(super) fn enlarged(tight: Box3, displacement: Vec3A) -> Box3 {
+    let displacement = BODY_SUBSTEPS * displacement;
     let margin = BODY_MARGIN * (tight.most - tight.least);
     let (least, most) = (tight.least - margin, tight.most + margin);
-    Box3 { least: least.min(least + way), most: most.max(most + way) }
+    Box3 { least: least.min(least + displacement), most: most.max(most + displacement) }
 }

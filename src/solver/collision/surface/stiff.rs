@@ -4,15 +4,15 @@
 use bevy::math::{DVec3, Vec3, Vec3A};
 
 use super::confine::ATTEMPTS;
-use super::contact::{Examination, Meeting};
-use super::pair::{CLOSE_PART, Kind, LEAST_PART};
+use super::contact::{Evaluations, Examination, Meeting};
+use super::pair::{CLOSE_PART, Kind, MIN_DISTANCE_PART};
 use super::search::{Candidate, Moving};
 use super::{Surfaces, rebound_of};
 use crate::solver::graph::Islands;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, StepSettings};
 
-use super::super::material::Skin;
+use super::super::material::ContactProperties;
 
 /// Upper estimate of the displacement by elements in a tick, as a fraction of the largest free-flight displacement. It only decides
 /// which nets take one scheme.
@@ -63,7 +63,7 @@ impl Surfaces {
     pub fn find_stiff(
         &mut self,
         (start, particles, h): (&Vectors, &Particles, f32),
-        (settings, skins): (&StepSettings, &[Skin]),
+        (settings, properties): (&StepSettings, &[ContactProperties]),
         is_in_island: impl Fn(u32) -> bool,
         is_advanced: impl Fn(u32) -> bool,
         found: &mut Vec<StiffContact>,
@@ -75,22 +75,23 @@ impl Surfaces {
             end.set(slot, start.get(slot) + h * particles.velocity.get(slot));
         }
         let rebound = rebound_of(settings, (Integrator::ImplicitEuler, h));
-        search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
+        search.ensure(primitives, Moving { start, end, particles }, (properties, 0.0));
         for with_common in ATTEMPTS {
             if !search.is_overfull {
                 break;
             }
             confinement.find(primitives, (start, end, particles), with_common);
             confinement.shorten(start, end);
-            search.ensure(primitives, Moving { start, end, particles }, (skins, 0.0));
+            search.ensure(primitives, Moving { start, end, particles }, (properties, 0.0));
         }
         let moving = Moving { start, end, particles };
         let examination = Examination {
+            evaluated: Evaluations::default(),
             moving,
             acceleration: start,
             rebound,
             rules,
-            skins,
+            properties,
             search,
             on_mesh: &primitives.on_mesh,
         };
@@ -120,7 +121,7 @@ impl Surfaces {
     pub fn find_touching(
         &mut self,
         particles: &Particles,
-        (settings, skins, islands): (&StepSettings, &[Skin], &Islands),
+        (settings, properties, islands): (&StepSettings, &[ContactProperties], &Islands),
         touching: &mut Vec<[usize; 2]>,
     ) {
         if !self.is_active || islands.all().len() < 2 {
@@ -135,8 +136,8 @@ impl Surfaces {
             let falls = if particles.is_pinned(slot) { Vec3::ZERO } else { time_step * gravity };
             end.set(slot, start.get(slot) + time_step * (particles.velocity.get(slot) + falls));
         }
-        let ways = (0..particles.len()).map(|slot| (end.get(slot) - start.get(slot)).length());
-        let longest = ways.filter(|way| way.is_finite()).fold(0.0, f32::max);
+        let displacements = (0..particles.len()).map(|slot| (end.get(slot) - start.get(slot)).length());
+        let longest = displacements.filter(|displacement| displacement.is_finite()).fold(0.0, f32::max);
         let thickest = particles.radius().iter().copied().fold(0.0, f32::max);
         let margin = (MAX_ELEMENT_SHARE * longest).min(2.0 * thickest);
         let moving = Moving { start, end, particles };
@@ -144,16 +145,16 @@ impl Surfaces {
         let forest = &primitives.forest;
         let within =
             forest.bodies.iter().any(|body| several(islands, forest.vertices_of(body)).next().is_some());
-        search.ensure_candidates(primitives, moving, (skins, reach, within));
+        search.ensure_candidates(primitives, moving, (properties, reach, within));
         for candidate in search.candidates.iter().filter(|candidate| within || !candidate.is_within) {
             let most = (1.0 + CONTACT_HYSTERESIS) * candidate.largest_reach() + margin;
             let mut pairs = several(islands, &candidate.slots).peekable();
             if pairs.peek().is_none() || search.least_distance_of(candidate) > most {
                 continue;
             }
-            let ways = candidate.ways(moving);
-            let distance = ways.closest(0.0).apart.length();
-            if distance <= most || ways.first_near(distance, most / (1.0 + CLOSE_PART)) < 1.0 {
+            let paths = candidate.paths(moving);
+            let distance = paths.closest(0.0).apart.length();
+            if distance <= most || paths.first_near(distance, most / (1.0 + CLOSE_PART)) < 1.0 {
                 touching.extend(pairs);
             }
         }
@@ -178,7 +179,7 @@ fn stiff_contact(
         weights: balanced(weights, candidate.kind.first_side()),
         normal: unit(normal),
         reach: reach.into(),
-        least: (LEAST_PART * candidate.largest_reach()).into(),
+        least: (MIN_DISTANCE_PART * candidate.largest_reach()).into(),
         restitution: restitution.into(),
         friction: friction.into(),
         kind: candidate.kind,

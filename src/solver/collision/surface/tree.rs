@@ -17,6 +17,9 @@ use crate::solver::buckets::Buckets;
 /// Number of triangles, or of edges without one, in a cluster at most.
 pub(super) const CLUSTER: usize = 8;
 
+/// Number of corners of a cluster at most.
+pub(super) const MAX_CORNERS: usize = 3 * CLUSTER;
+
 /// A box along the axes.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::solver::collision) struct Box3 {
@@ -87,7 +90,7 @@ pub(super) struct Cluster {
     pub vertices: Range<u32>,
     pub edges: Range<u32>,
     pub triangles: Range<u32>,
-    /// The slots of all corners.
+    /// The slots of all corners, in ascending order.
     pub corners: Range<u32>,
 }
 
@@ -196,6 +199,12 @@ impl Forest {
             self.triangles.extend(item.triangle);
             self.edges.extend(item.edges.into_iter().flatten());
         }
+        self.corners[starts[3]..].sort_unstable();
+        let corners = &self.corners[starts[3]..];
+        let place = |slot: u32| corners.partition_point(|corner| *corner < slot) as u8;
+        for primitive in self.edges[starts[1]..].iter_mut().chain(&mut self.triangles[starts[2]..]) {
+            primitive.places = primitive.corners.map(place);
+        }
         let ends = [self.vertices.len(), self.edges.len(), self.triangles.len(), self.corners.len()];
         let range = |kind: usize| starts[kind] as u32..ends[kind] as u32;
         self.clusters.push(Cluster {
@@ -204,6 +213,11 @@ impl Forest {
             triangles: range(2),
             corners: range(3),
         });
+    }
+
+    /// The slots of the corners of a cluster, in ascending order.
+    pub fn corners_of(&self, cluster: &Cluster) -> &[u32] {
+        &self.corners[cluster.corners.start as usize..cluster.corners.end as usize]
     }
 
     /// The slots of the vertices of a body.
@@ -217,8 +231,7 @@ impl Forest {
             let Node { second, is_leaf } = self.nodes[node];
             boxes[node] = match is_leaf {
                 true => {
-                    let Range { start, end } = self.clusters[second as usize].corners;
-                    let corners = self.corners[start as usize..end as usize].iter();
+                    let corners = self.corners_of(&self.clusters[second as usize]).iter();
                     corners.fold(Box3::NOTHING, |sum, corner| sum.union(vertex[*corner as usize]))
                 }
                 false => boxes[node + 1].union(boxes[second as usize]),

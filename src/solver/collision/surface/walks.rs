@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bevy::math::Vec3A;
 
-use super::finder::{Boxes, Finder, Wanted, is_one_family};
+use super::pair_collector::{Boxes, PairCollector, PairQuery, is_one_family};
 use super::search::Candidate;
 use super::spread::enlarged;
 use super::tree::{Box3, Forest, fit_primitives};
@@ -51,26 +51,26 @@ pub(super) struct Walks {
 impl Walks {
     /// Finds the pairs with overlapping boxes, in an order that follows from the mesh alone; false, and none, where there are too many.
     /// The `boxes` are those of vertices, by slot, with their body and in the world. By body: in how many `frames` it is near something,
-    /// 1 or 0 if it has diverged, to which those are added that have a partner; and its way as a whole, m.
+    /// 1 or 0 if it has diverged, to which those are added that have a partner; and its displacement as a whole, m.
     pub fn find(
         &mut self,
-        wanted: Wanted,
+        query: PairQuery,
         boxes: &[Vec<Box3>; 2],
-        (frames, ways): (&mut [usize], &[Vec3A]),
+        (frames, drifts): (&mut [usize], &[Vec3A]),
         candidates: &mut Vec<Candidate>,
     ) -> bool {
-        let Wanted { primitives, moving, .. } = wanted;
+        let PairQuery { primitives, moving, .. } = query;
         let forest = &primitives.forest;
-        self.fit(wanted, boxes, ways);
+        self.fit(query, boxes, drifts);
         candidates.clear();
         self.tasks.clear();
         let families = moving.particles.families();
         for (body, _) in forest.bodies.iter().zip(&*frames).filter(|(_, frames)| **frames > 0) {
             if !is_one_family(forest.vertices_of(body), families) {
-                self.walk([body.nodes.start; 2], true, (wanted, boxes, candidates));
+                self.walk([body.nodes.start; 2], true, (query, boxes, candidates));
             }
         }
-        self.find_partners(wanted, &boxes[1], frames);
+        self.find_partners(query, &boxes[1], frames);
         let partners = std::mem::take(&mut self.partners);
         let bodies = forest.bodies.len() as u32;
         for [one, other] in partners.iter().copied() {
@@ -80,7 +80,7 @@ impl Walks {
                 None => {
                     frames[other as usize] = 2;
                     let other = forest.bodies[other as usize].nodes.start;
-                    self.walk([root, other], false, (wanted, boxes, candidates));
+                    self.walk([root, other], false, (query, boxes, candidates));
                 }
                 Some(ball) => {
                     self.walk_ball(root, primitives.balls[ball as usize], forest, &boxes[1]);
@@ -88,7 +88,7 @@ impl Walks {
             }
         }
         self.partners = partners;
-        self.work((wanted, boxes, candidates));
+        self.work((query, boxes, candidates));
         let is_overfull = candidates.len() >= most_of(forest);
         if is_overfull {
             candidates.clear();
@@ -97,7 +97,7 @@ impl Walks {
     }
 
     /// Fits all boxes.
-    fn fit(&mut self, Wanted { primitives, .. }: Wanted, boxes: &[Vec<Box3>; 2], ways: &[Vec3A]) {
+    fn fit(&mut self, PairQuery { primitives, .. }: PairQuery, boxes: &[Vec<Box3>; 2], drifts: &[Vec3A]) {
         let forest = &primitives.forest;
         for (frame, boxes) in boxes.iter().enumerate() {
             self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
@@ -109,11 +109,16 @@ impl Walks {
         }
         self.body_boxes.clear();
         let roots = forest.bodies.iter().map(|body| self.nodes[1][body.nodes.start as usize]);
-        self.body_boxes.extend(roots.zip(ways).map(|(root, way)| enlarged(root, *way)));
+        self.body_boxes.extend(roots.zip(drifts).map(|(root, displacement)| enlarged(root, *displacement)));
     }
 
     /// Finds the pairs of bodies, and of bodies and balls, with overlapping boxes.
-    fn find_partners(&mut self, Wanted { primitives, .. }: Wanted, vertices: &[Box3], frames: &[usize]) {
+    fn find_partners(
+        &mut self,
+        PairQuery { primitives, .. }: PairQuery,
+        vertices: &[Box3],
+        frames: &[usize],
+    ) {
         // The boxes of bodies, swept along x; balls are bodies, too.
         let Self { body_boxes, order, partners, .. } = self;
         order.clear();
@@ -146,14 +151,14 @@ impl Walks {
         &mut self,
         pair: [u32; 2],
         is_within: bool,
-        (wanted, boxes, candidates): (Wanted, &[Vec<Box3>; 2], &mut Vec<Candidate>),
+        (query, boxes, candidates): (PairQuery, &[Vec<Box3>; 2], &mut Vec<Candidate>),
     ) {
-        let forest = &wanted.primitives.forest;
+        let forest = &query.primitives.forest;
         self.stack.clear();
         self.stack.push(pair);
         while let Some([one, other]) = self.stack.pop() {
             if self.tasks.len() >= MAX_TASKS {
-                self.work((wanted, boxes, candidates));
+                self.work((query, boxes, candidates));
             }
             if candidates.len() >= most_of(forest) {
                 return;
@@ -207,7 +212,7 @@ impl Walks {
     }
 
     /// Does all tasks, and appends the pairs in their order.
-    fn work(&mut self, (wanted, boxes, candidates): (Wanted, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
+    fn work(&mut self, (query, boxes, candidates): (PairQuery, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
         let Self { nodes, edges, triangles, tasks, parts, .. } = self;
         let [within, world] = [0, 1].map(|frame| Boxes {
             nodes: &nodes[frame],
@@ -216,7 +221,7 @@ impl Walks {
             triangles: &triangles[frame],
             is_within: frame == 0,
         });
-        let forest = &wanted.primitives.forest;
+        let forest = &query.primitives.forest;
         let (most, count) = (most_of(forest), AtomicUsize::new(candidates.len()));
         let cluster = |node: u32| forest.nodes[node as usize].second;
         let number = tasks.len().div_ceil(PART);
@@ -229,20 +234,20 @@ impl Walks {
             if count.load(Ordering::Relaxed) >= most {
                 return;
             }
-            let mut finder = Finder { wanted, candidates: found };
+            let mut collector = PairCollector { query, candidates: found };
             for task in tasks {
                 match *task {
                     Task::Leaves { nodes, is_within } => {
-                        finder.test_clusters(
+                        collector.test_clusters(
                             nodes.map(cluster),
                             if is_within { within } else { world },
                             nodes,
                         );
                     }
-                    Task::Ball { slot, node } => finder.test_ball(slot, cluster(node), world),
+                    Task::Ball { slot, node } => collector.test_ball(slot, cluster(node), world),
                 }
             }
-            count.fetch_add(finder.candidates.len(), Ordering::Relaxed);
+            count.fetch_add(collector.candidates.len(), Ordering::Relaxed);
         });
         parts[..number].iter_mut().for_each(|found| candidates.append(found));
         tasks.clear();

@@ -10,7 +10,7 @@
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::{Paths, SWEPT_WAY, Sweep, TOUCHING_DEPTH, first_touch};
+use super::{Paths, SWEEP_THRESHOLD, Sweep, TOUCHING_DEPTH, first_touch};
 use crate::solver::collision::grid::Grid;
 use crate::solver::collision::record::{ContactPartner, ContactRecord};
 use crate::solver::collision::response::{Approach, Rebound, friction, tangential};
@@ -22,7 +22,7 @@ use crate::solver::settings::PairRules;
 const TOUCHING_GAP: f64 = 1e-3;
 
 /// A relative displacement in single precision below this part of the least one that is swept is too short in double precision, too.
-const ROUNDED_WAY: f32 = 0.9;
+const SINGLE_PRECISION_PART: f32 = 0.9;
 
 /// Number of searches at most.
 const MAX_SEARCHES: u32 = 4;
@@ -57,7 +57,7 @@ impl Response<'_> {
     }
 
     /// Whether springs pull at both, and they overlap from the start: to part them would stretch the springs.
-    fn are_entangled(&self, particles: &Particles, slide: &Slide) -> bool {
+    fn overlap_from_the_start(&self, particles: &Particles, slide: &Slide) -> bool {
         let reach: f32 = slide.slots.iter().map(|slot| particles.radius()[*slot]).sum();
         let overlap = slide.distance < (1.0 - TOUCHING_GAP as f32) * reach;
         overlap && slide.slots.iter().all(|slot| self.exclusions.is_sprung(*slot))
@@ -100,7 +100,7 @@ impl Sweep {
                 (is_fast[a as usize] || is_fast[b as usize])
                     && paths
                         .slide(slots.into())
-                        .is_some_and(|slide| !response.are_entangled(particles, &slide))
+                        .is_some_and(|slide| !response.overlap_from_the_start(particles, &slide))
                     && may_slide(particles, slots.into())
                     && known.binary_search(&slots).is_err()
             };
@@ -157,24 +157,25 @@ impl Paths<'_> {
     fn slide(self, slots: [u32; 2]) -> Option<Slide> {
         let slots = slots.map(|slot| slot as usize);
         // Most pairs move alike, which a look in single precision shows.
-        let [way, other_way] = slots.map(|slot| self.way(slot));
-        let swept_way =
-            ROUNDED_WAY * SWEPT_WAY * (self.particles.radius()[slots[0]] + self.particles.radius()[slots[1]]);
-        if way.distance_squared(other_way) < swept_way * swept_way {
+        let [displacement, other_displacement] = slots.map(|slot| self.displacement(slot));
+        let sweep_threshold = SINGLE_PRECISION_PART
+            * SWEEP_THRESHOLD
+            * (self.particles.radius()[slots[0]] + self.particles.radius()[slots[1]]);
+        if displacement.distance_squared(other_displacement) < sweep_threshold * sweep_threshold {
             return None;
         }
-        let [(start, way), (other_start, other_way)] = slots.map(|slot| {
+        let [(start, displacement), (other_start, other_displacement)] = slots.map(|slot| {
             let start = self.previous.get(slot).as_dvec3();
             (start, self.particles.position.get(slot).as_dvec3() - start)
         });
         let reach: f64 = slots.iter().map(|slot| f64::from(self.particles.radius()[*slot])).sum();
-        let (separation, change) = (start - other_start, way - other_way);
+        let (separation, change) = (start - other_start, displacement - other_displacement);
         let first_distance = separation.length();
         let depth = TOUCHING_DEPTH * reach;
         let touches = first_distance < (1.0 + TOUCHING_GAP) * reach;
         let time = if touches {
-            let swept_way = f64::from(SWEPT_WAY) * reach;
-            let is_fast = change.length_squared() > swept_way * swept_way;
+            let sweep_threshold = f64::from(SWEEP_THRESHOLD) * reach;
+            let is_fast = change.length_squared() > sweep_threshold * sweep_threshold;
             let approaches = separation.dot(change) < 0.0;
             (is_fast && approaches && first_distance > 0.0).then_some(0.0)
         } else {
@@ -257,12 +258,14 @@ mod tests {
     /// How deep they are put into each other, m.
     const DEPTH: f32 = 2e-5;
 
-    /// A particle of 3 kg that moves by `way`, at this velocity in m/s, and touches one of 1 kg that stands still; where both are
+    /// A particle of 3 kg that moves by `displacement`, at this velocity in m/s, and touches one of 1 kg that stands still; where both are
     /// afterwards, and how fast.
-    fn slide(way: Vec3, rules: PairRules) -> [[Vec3; 2]; 2] {
+    fn slide(displacement: Vec3, rules: PairRules) -> [[Vec3; 2]; 2] {
         let (mut particles, mut previous) = (Particles::default(), Vectors::default());
-        for (start, way, mass) in [(Vec3::ZERO, way, 3.0_f32), (Vec3::X * 0.2, Vec3::ZERO, 1.0)] {
-            particles.push(start + way, way, 1.0 / mass, 0.1);
+        for (start, displacement, mass) in
+            [(Vec3::ZERO, displacement, 3.0_f32), (Vec3::X * 0.2, Vec3::ZERO, 1.0)]
+        {
+            particles.push(start + displacement, displacement, 1.0 / mass, 0.1);
             previous.push(start);
         }
         let mut acceleration = Vectors::default();
@@ -311,8 +314,8 @@ mod tests {
     #[test]
     fn what_is_slow_or_parts_or_is_apart_is_left_alone() {
         let rules = PairRules { restitution: 0.0, friction: 0.0 };
-        for way in [Vec3::X * 0.09, Vec3::new(-0.4, 0.3, 0.0), Vec3::Y * 0.4] {
-            assert_eq!(slide(way, rules)[0], [way, Vec3::X * 0.2]);
+        for displacement in [Vec3::X * 0.09, Vec3::new(-0.4, 0.3, 0.0), Vec3::Y * 0.4] {
+            assert_eq!(slide(displacement, rules)[0], [displacement, Vec3::X * 0.2]);
         }
     }
 }

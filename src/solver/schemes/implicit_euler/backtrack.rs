@@ -18,19 +18,19 @@ use crate::solver::field::Field;
 use crate::solver::particles::{Particles, Vectors};
 
 /// Below this part of its way an island stays where it was.
-const LEAST_PART: f32 = 1e-3;
+const MIN_PART: f32 = 1e-3;
 
 /// What holds a particle where it was stopped, as a multiple of its inertia: far stiffer than any spring.
-const HOLD: f64 = 1e10;
+const HELD_INERTIA_RATIO: f64 = 1e10;
 
 /// The start of a step, and its end as it was solved: positions, m, and velocities, m/s.
 #[derive(Debug, Clone, Default)]
-pub(in crate::solver) struct Course {
+pub(in crate::solver) struct StepEndpoints {
     start: [Vectors; 2],
     end: [Vectors; 2],
 }
 
-impl Course {
+impl StepEndpoints {
     /// To be called before a step.
     pub fn begin(&mut self, particles: &Particles) {
         keep(&mut self.start, particles);
@@ -44,8 +44,8 @@ impl Course {
     /// The part of its way that a particle has gone in the direction of its way, 0 to 1.
     fn part(&self, particles: &Particles, slot: usize) -> f32 {
         let [from, to] = [&self.start, &self.end].map(|[position, _]| position.get(slot));
-        let way = to - from;
-        let part = (particles.position.get(slot) - from).dot(way) / way.length_squared();
+        let displacement = to - from;
+        let part = (particles.position.get(slot) - from).dot(displacement) / displacement.length_squared();
         if part.is_nan() { 1.0 } else { part.clamp(0.0, 1.0) }
     }
 }
@@ -55,15 +55,15 @@ fn keep([position, velocity]: &mut [Vectors; 2], particles: &Particles) {
     velocity.copy_from(&particles.velocity);
 }
 
-/// What is done about a step that gains energy.
+/// What is done about a step in which stopped particles give an island energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::solver) enum Remedy {
+pub(in crate::solver) enum EnergyCorrection {
     /// It is solved again, with what was stopped held.
-    Hold,
-    /// It is shortened.
-    Shorten,
-    /// It is left out.
-    Stay,
+    SolveWithHeld,
+    /// The displacements of the island are scaled by one factor.
+    ScaleStep,
+    /// The island stays where the step began.
+    RejectStep,
 }
 
 impl ImplicitEuler {
@@ -72,9 +72,9 @@ impl ImplicitEuler {
     pub fn backtrack(
         &mut self,
         (elements, field, h, surroundings): (&Elements, Field, f32, Surroundings),
-        course: &Course,
+        endpoints: &StepEndpoints,
         (particles, acceleration): (&mut Particles, &mut Vectors),
-        (stopped, remedy): (&[bool], Remedy),
+        (stopped, correction): (&[bool], EnergyCorrection),
         mut visit: impl FnMut(usize),
     ) -> bool {
         let Self { islands, clusters, obstacles, sprung, .. } = self;
@@ -82,15 +82,15 @@ impl ImplicitEuler {
         let mut any = false;
         let mut mend = |island: &mut Island| {
             let excess =
-                island.slots().any(|slot| stopped[slot]).then(|| island.gain(step, course, particles));
+                island.slots().any(|slot| stopped[slot]).then(|| island.gain(step, endpoints, particles));
             let Some(allowed) = excess.flatten() else { return };
             any = true;
             island.slots().for_each(&mut visit);
             let parts = (&mut *particles, &mut *acceleration);
-            match remedy {
-                Remedy::Hold => island.solve_held(step, course, parts, stopped),
-                Remedy::Shorten => island.shorten(step, course, parts, (allowed, false)),
-                Remedy::Stay => island.shorten(step, course, parts, (allowed, true)),
+            match correction {
+                EnergyCorrection::SolveWithHeld => island.solve_held(step, endpoints, parts, stopped),
+                EnergyCorrection::ScaleStep => island.scale_step(step, endpoints, parts, (allowed, false)),
+                EnergyCorrection::RejectStep => island.scale_step(step, endpoints, parts, (allowed, true)),
             }
         };
         for (number, island) in islands.iter_mut().enumerate() {
@@ -115,9 +115,9 @@ impl Island {
 
     /// Whether it has more energy than at the start and at the end of the step as it was solved, and than gravity brings in it; how
     /// much it may have, J.
-    fn gain(&self, step: Step, course: &Course, particles: &Particles) -> Option<f64> {
-        let [kinetic, potential] = self.energy_of(step, particles, course.start.each_ref());
-        let solved: f64 = self.energy_of(step, particles, course.end.each_ref()).into_iter().sum();
+    fn gain(&self, step: Step, endpoints: &StepEndpoints, particles: &Particles) -> Option<f64> {
+        let [kinetic, potential] = self.energy_of(step, particles, endpoints.start.each_ref());
+        let solved: f64 = self.energy_of(step, particles, endpoints.end.each_ref()).into_iter().sum();
         let fall = |slot: usize| {
             let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
             0.5 * mass * (step.h * step.field.acceleration(slot)).length_squared()
@@ -134,7 +134,7 @@ impl Island {
     fn solve_held(
         &mut self,
         step: Step,
-        course: &Course,
+        endpoints: &StepEndpoints,
         (particles, acceleration): (&mut Particles, &mut Vectors),
         stopped: &[bool],
     ) {
@@ -148,7 +148,7 @@ impl Island {
             slots.iter().map(of).sum()
         };
         let before = momentum(particles);
-        let [position, velocity] = &course.start;
+        let [position, velocity] = &endpoints.start;
         for slot in slots.iter().copied() {
             particles.position.set(slot, position.get(slot));
             particles.velocity.set(slot, velocity.get(slot));
@@ -160,7 +160,7 @@ impl Island {
         }
         self.system.begin(&self.elimination, particles, elements, field, h);
         for (node, place) in places.iter().enumerate().filter(|(node, _)| stopped[slots[*node]]) {
-            self.system.inertia[node] *= HOLD;
+            self.system.inertia[node] *= HELD_INERTIA_RATIO;
             self.system.flight[node] = place.as_dvec3();
             self.system.position[node] = place.as_dvec3();
         }
@@ -180,18 +180,18 @@ impl Island {
     }
 
     /// Scales the displacements of all its particles by one factor, possibly 0, with at most the energy `allowed`, J.
-    fn shorten(
+    fn scale_step(
         &self,
         step: Step,
-        course: &Course,
+        endpoints: &StepEndpoints,
         (particles, acceleration): (&mut Particles, &mut Vectors),
-        (allowed, stays): (f64, bool),
+        (allowed, rejects): (f64, bool),
     ) {
-        let least = self.slots().map(|slot| course.part(particles, slot)).fold(1.0, f32::min);
-        let mut part = if stays || least < LEAST_PART { 0.0 } else { least };
+        let least = self.slots().map(|slot| endpoints.part(particles, slot)).fold(1.0, f32::min);
+        let mut part = if rejects || least < MIN_PART { 0.0 } else { least };
         loop {
             for slot in self.slots() {
-                let [from, to] = [&course.start, &course.end].map(|[position, _]| position.get(slot));
+                let [from, to] = [&endpoints.start, &endpoints.end].map(|[position, _]| position.get(slot));
                 particles.position.set(slot, if part == 0.0 { from } else { from.lerp(to, part) });
             }
             let [kinetic, potential] =

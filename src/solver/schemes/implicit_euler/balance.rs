@@ -4,20 +4,20 @@ use bevy::math::DVec3;
 
 use super::Island;
 use super::contact::Contact;
-use super::contacts::{Contacts, longest_way};
+use super::contacts::{Contacts, max_displacement};
 use super::system::System;
 
 /// The longest correction of what touches something, as a part of the longest displacement of a particle in free flight.
 const MAX_DRIFT: f64 = 0.02;
 
 /// The sine of the angle between two normals that are taken for different ones.
-const MIN_ANGLE: f64 = 1e-6;
+pub(super) const MIN_ANGLE: f64 = 1e-6;
 
 impl Island {
     /// Moves an island that hangs on nothing as a whole, to where it has the momentum that it must have:
     /// Σ (m/h² + ν/h) (x' − y) = 0, as elements add none. It would be so by itself, had the equations of the core
     /// been solved to the last bit. The force of a stiff contact is known less well than that where Newton's method has not come
-    /// close: with contacts the island is moved by no more than [`MAX_DRIFT`].
+    /// close: with contacts from outside the island is moved by no more than [`MAX_DRIFT`].
     pub(super) fn balance(&mut self) {
         let Self { elimination, system, .. } = self;
         if elimination.trees == elimination.free || elimination.is_anchored() {
@@ -29,10 +29,12 @@ impl Island {
             inertia += system.inertia[node];
         }
         system.tethers.iter().for_each(|tether| drift -= tether.force(&system.position));
+        let surplus = drift;
         let drift = system.share(drift, inertia);
         let mut drift = system.contacts.along_surfaces(drift);
-        if system.contacts.hold() {
-            let longest = longest_way(0..elimination.free, &system.start, &system.flight);
+        system.contacts.publish_with(surplus);
+        if system.contacts.are_held_from_outside() {
+            let longest = max_displacement(0..elimination.free, &system.start, &system.flight);
             drift = drift.clamp_length_max(MAX_DRIFT * longest);
         }
         for position in &mut system.position[..elimination.free] {
@@ -69,7 +71,7 @@ impl System {
 
 impl Contacts {
     /// The contacts that held in the last linearisation with what nothing in the step can move.
-    fn held_from_outside(&self) -> impl Iterator<Item = &Contact> {
+    pub(super) fn held_from_outside(&self) -> impl Iterator<Item = &Contact> {
         self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.outer_part() != 0.0)
     }
 

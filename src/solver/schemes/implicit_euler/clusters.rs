@@ -16,8 +16,8 @@ use crate::solver::pulls::Pulls;
 /// Number of times, at most, that a step is done again.
 const MAX_ROUNDS: usize = 3;
 
-/// A step is done again if it has added more than 1 / `FEW` of the contacts of surfaces that were known before.
-const FEW: usize = 8;
+/// A step is done again if fewer contacts of surfaces were known before than this many for each that it has added.
+const MIN_KNOWN_PER_ADDED: usize = 8;
 
 const NO_ISLAND: u32 = u32::MAX;
 
@@ -98,11 +98,11 @@ impl Clusters {
             let is_in_island = |slot: u32| island_of[slot as usize] != NO_ISLAND;
             search.find(slots, &start[0], particles, (step.elements, step.surroundings), is_in_island, pairs);
             let is_advanced = |slot: u32| is_in_island(slot) || nearby.binary_search(&slot).is_ok();
-            let Surroundings { settings, skins, .. } = step.surroundings;
+            let Surroundings { settings, properties, .. } = step.surroundings;
             let motion = (&start[0], &*particles, step.h as f32);
-            meshes.find_stiff(motion, (settings, skins), is_in_island, is_advanced, surfaces);
+            meshes.find_stiff(motion, (settings, properties), is_in_island, is_advanced, surfaces);
             // A few surfaces more are stopped at the end of the step, and are found at the start of the next one.
-            let are_few = surfaces.len() - known[1] <= known[1] / FEW;
+            let are_few = surfaces.len() - known[1] <= known[1] / MIN_KNOWN_PER_ADDED;
             if pairs.len() == known[0] && are_few {
                 break;
             }

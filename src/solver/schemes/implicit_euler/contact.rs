@@ -54,7 +54,7 @@ pub(super) struct Contact {
     /// The force of friction where it was linearised last, N.
     pub rubbing: DVec3,
     /// What friction was there.
-    pub(super) rubbed: Rubbed,
+    pub(super) friction_history: FrictionHistory,
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
@@ -123,7 +123,7 @@ impl Contact {
             lagged: 0.0,
             rebound: 0.0,
             rubbing: DVec3::ZERO,
-            rubbed: Rubbed::default(),
+            friction_history: FrictionHistory::default(),
             restitution: 0.0,
             friction: 0.0,
             max_depth: f64::INFINITY,
@@ -194,15 +194,15 @@ impl Contact {
     }
 
     /// The way of the particle in the step, relative to what it touches, m.
-    pub fn way(&self, position: &[DVec3]) -> DVec3 {
+    pub fn displacement(&self, position: &[DVec3]) -> DVec3 {
         let other = if let Partner::Node { node, .. } = self.partner { position[node] } else { DVec3::ZERO };
         self.point(position) - other - self.origin
     }
 
     /// The slip along the surface, m.
     fn slip(&self, position: &[DVec3], normal: DVec3) -> DVec3 {
-        let way = self.way(position);
-        way - normal * way.dot(normal)
+        let displacement = self.displacement(position);
+        displacement - normal * displacement.dot(normal)
     }
 
     /// Its energy at these positions, J; `stiffness` is K as a multiple of the inertia, `creep` in m.
@@ -211,7 +211,7 @@ impl Contact {
         let stiffness = self.stiffness(stiffness);
         let force = (self.multiplier + stiffness * (self.allowed - gap)).max(0.0);
         let limit = self.friction * self.lagged;
-        let friction = rub(self.slip(position, normal), limit, self.creep(creep, limit));
+        let friction = sliding_friction(self.slip(position, normal), limit, self.creep(creep, limit));
         0.5 * force * force / stiffness + friction.energy
     }
 
@@ -230,11 +230,11 @@ impl Contact {
         let stiffness = self.stiffness(stiffness);
         let limit = self.friction * self.lagged;
         let slip = self.slip(position, normal);
-        let friction = match self.rubbed.will_stick(slip.length(), limit) {
-            true => stuck(slip, limit, self.creep(creep, limit)),
-            false => rub(slip, limit, self.creep(creep, limit)),
+        let friction = match self.friction_history.will_stick(slip.length(), limit) {
+            true => sticking_friction(slip, limit, self.creep(creep, limit)),
+            false => sliding_friction(slip, limit, self.creep(creep, limit)),
         };
-        self.rubbed.next(slip.length(), friction.stiffness);
+        self.friction_history.next(slip.length(), friction.stiffness);
         self.rubbing = friction.force.clamp_length_max(limit);
         if self.force == 0.0 && limit == 0.0 {
             return 0.0;
@@ -307,21 +307,21 @@ impl Contact {
 
 /// The friction of one linearisation, and the slip there, m; the force by which it held in the solution before, N.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Rubbed {
+pub(super) struct FrictionHistory {
     slip: f64,
     stiffness: f64,
     force: f64,
 }
 
-impl Rubbed {
+impl FrictionHistory {
     /// Whether a force of less than `limit` N will stop a slip that has become this, m.
     ///
-    /// The quadratics of [`rub`] come nearer to what sticks by a part of the way only, the nearer to sliding the slower. The force
+    /// The quadratics of [`sliding_friction`] come nearer to what sticks by a part of the way only, the nearer to sliding the slower. The force
     /// that stops it is extrapolated from the last two solutions, of which this one was held by `stiffness` · slip.
     fn will_stick(&self, slip: f64, limit: f64) -> bool {
         let force = self.stiffness * slip;
-        let has_answered = slip < self.slip && force > self.force;
-        has_answered && force + (force - self.force) * slip / (self.slip - slip) <= limit
+        let force_grew = slip < self.slip && force > self.force;
+        force_grew && force + (force - self.force) * slip / (self.slip - slip) <= limit
     }
 
     /// Takes note of a linearisation.
@@ -339,7 +339,7 @@ struct Friction {
 }
 
 /// Friction against a slip of at most `limit` N: its potential is limit · ‖slip‖, but quadratic below `creep` m.
-fn rub(slip: DVec3, limit: f64, creep: f64) -> Friction {
+fn sliding_friction(slip: DVec3, limit: f64, creep: f64) -> Friction {
     let length = slip.length();
     let weight = if limit > 0.0 { limit / length.max(creep) } else { 0.0 };
     let energy = match length < creep {
@@ -351,7 +351,7 @@ fn rub(slip: DVec3, limit: f64, creep: f64) -> Friction {
 }
 
 /// Friction that holds, in search of where it does: as stiff as below `creep` m, at any slip.
-fn stuck(slip: DVec3, limit: f64, creep: f64) -> Friction {
+fn sticking_friction(slip: DVec3, limit: f64, creep: f64) -> Friction {
     let stiffness = limit / creep;
-    Friction { force: slip * -stiffness, stiffness, ..rub(slip, limit, creep) }
+    Friction { force: slip * -stiffness, stiffness, ..sliding_friction(slip, limit, creep) }
 }

@@ -25,9 +25,7 @@ use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner, Sums};
 use super::newton::MAX_STEPS;
-use crate::solver::collision::{
-    ContactMemory, ContactPartner, ContactRecord, Obstacles, StiffPair, Surroundings,
-};
+use crate::solver::collision::{ContactMemory, Obstacles, StiffPair, Surroundings};
 use crate::solver::graph::{Elimination, Exclusions};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
@@ -81,6 +79,8 @@ pub(super) struct Contacts {
     pub(super) passes: usize,
     /// The same at most.
     pub(super) max_passes: usize,
+    /// Whether there may be as many as without surfaces where a solution has not come close enough.
+    pub(super) goes_on: bool,
     /// Number of searches for contacts that were missed.
     pub(super) searches: usize,
     /// The slip below which friction is viscous, m.
@@ -90,6 +90,8 @@ pub(super) struct Contacts {
     /// Whether there are any of edges and faces with obstacles.
     pub(super) has_features: bool,
     mode: Mode,
+    /// The part of their forces with which those from outside are published.
+    pub(super) published_share: f64,
     /// Whether other contacts held in the last linearisation than in the one before.
     pub changed: bool,
 }
@@ -119,10 +121,11 @@ impl PairFilter<'_> {
     pub fn may_collide(&self, node: usize, slot: u32, pinned: u32, overlap: bool) -> bool {
         let memory = self.memory;
         let is_new = || !(memory.has_searched(slot) && memory.has_searched(pinned));
-        let tangled = || memory.are_entangled(slot, pinned) || (is_new() && self.sprung.contains(&pinned));
+        let overlap_initially =
+            || memory.overlap_from_the_start(slot, pinned) || (is_new() && self.sprung.contains(&pinned));
         !(self.excluded.contains(&(node as u32, pinned))
             || Exclusions::are_of_one_family(self.families, slot, pinned)
-            || overlap && tangled())
+            || overlap && overlap_initially())
     }
 }
 
@@ -153,8 +156,9 @@ impl Contacts {
         self.mode = Mode::Step;
         (self.changed, self.has_features) = (false, false);
         let free = 0..elimination.free;
-        let longest = longest_way(free.clone(), start, flight);
+        let longest = max_displacement(free.clone(), start, flight);
         (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
+        (self.published_share, self.goes_on) = (1.0, false);
         self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
         self.reach = least_reach.max(REACH * longest);
@@ -171,24 +175,24 @@ impl Contacts {
                 radius,
                 [self.reach, h],
                 |obstacle, [restitution, friction]| {
-                    let surface_way = h * obstacle.motion_at(start[node]);
-                    let ways = [start[node], flight[node]];
+                    let surface_displacement = h * obstacle.motion_at(start[node]);
+                    let path = [start[node], flight[node]];
                     let obstacle =
-                        obstacle.met(ways, radius).unwrap_or_else(|| obstacle.seen_from(start[node]));
+                        obstacle.met(path, radius).unwrap_or_else(|| obstacle.seen_from(start[node]));
                     // The obstacle is where it is at the end of the step.
-                    let (gap, normal) = obstacle.gap(start[node] + surface_way, radius);
+                    let (gap, normal) = obstacle.gap(start[node] + surface_displacement, radius);
                     if let Some(pinned) = obstacle.pinned_slot()
                         && (radius == 0.0 || !filter.may_collide(node, slot, pinned as u32, gap < 0.0))
                     {
                         return;
                     }
-                    let approach = (surface_way - (flight[node] - start[node])).dot(normal) / h;
+                    let approach = (surface_displacement - (flight[node] - start[node])).dot(normal) / h;
                     let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
                     self.contacts.push(Contact {
                         radius,
                         inertia: inertia[node],
                         allowed,
-                        origin: start[node] + surface_way + h * obstacle.sliding(),
+                        origin: start[node] + surface_displacement + h * obstacle.sliding(),
                         approach,
                         normal,
                         restitution,
@@ -264,7 +268,7 @@ impl Contacts {
 
     /// Whether obstacles were looked for far enough for where the nodes are now; if not, how far they are to be.
     pub fn missing_reach(&self, free: usize, start: &[DVec3], position: &[DVec3]) -> Option<f64> {
-        let longest = longest_way(0..free, start, position);
+        let longest = max_displacement(0..free, start, position);
         (longest > self.reach && longest.is_finite()).then_some(longest)
     }
 
@@ -314,8 +318,9 @@ impl Contacts {
         if is_deep && !self.has_features {
             self.stiffness *= GROWTH;
         }
+        let max_passes = if self.goes_on && !is_solved { MAX_PASSES } else { self.max_passes };
         let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
-        any_harder || (is_due && self.any() && self.passes < self.max_passes)
+        any_harder || (is_due && self.any() && self.passes < max_passes)
     }
 
     /// The energy at these positions, J.
@@ -351,7 +356,7 @@ impl Contacts {
             let speed = contact.restitution * contact.approach;
             let resting_speed = resting_speed + contact.pressing_speed(pull, h);
             // The step has brought it to the surface.
-            let left = -contact.way(position).dot(contact.normal);
+            let left = -contact.displacement(position).dot(contact.normal);
             contact.rebound = if speed > resting_speed { h * speed + left } else { 0.0 };
             any |= contact.rebound > 0.0;
         }
@@ -360,40 +365,9 @@ impl Contacts {
         }
         any
     }
-
-    /// The contacts that have held a particle in a step of `h` seconds, at its end.
-    pub fn records(
-        &self,
-        elimination: &Elimination,
-        position: &[DVec3],
-        h: f64,
-        mut record: impl FnMut(ContactRecord),
-    ) {
-        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
-            let Contact { node, normal, radius, force, restitution, .. } = *contact;
-            let again = if contact.rebound > 0.0 { restitution } else { 0.0 };
-            let other = match &contact.partner {
-                Partner::Obstacle(obstacle) => obstacle.partner,
-                Partner::Node { node, .. } => ContactPartner::Particle(elimination.slots[*node] as usize),
-                Partner::Surface { slot, .. } => ContactPartner::Particle(*slot),
-            };
-            // Of another surface it may be the first side or the second.
-            let is_surface = matches!(contact.partner, Partner::Surface { .. });
-            let side = if is_surface { contact.weight.signum() } else { 1.0 };
-            let point = if is_surface { position[node] } else { contact.point(position) };
-            let normal = normal * side;
-            record(ContactRecord {
-                slot: elimination.slots[node] as usize,
-                other,
-                point: (point - normal * radius).as_vec3(),
-                normal: normal.as_vec3(),
-                impulse: (h * force * (1.0 + again)) as f32,
-            });
-        }
-    }
 }
 
 /// The longest displacement of a node, m.
-pub(super) fn longest_way(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
+pub(super) fn max_displacement(nodes: Range<usize>, start: &[DVec3], end: &[DVec3]) -> f64 {
     nodes.map(|node| end[node].distance_squared(start[node])).fold(0.0, f64::max).sqrt()
 }

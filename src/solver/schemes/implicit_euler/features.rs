@@ -240,16 +240,16 @@ fn feature_contact(
     };
     let radii = nodes.map(|node| f64::from(particles.radius()[elimination.slots[node] as usize]));
     let (radius, begin) = (weigh(radii, weights), of(start, start));
-    let surface_way = h * obstacle.motion_at(begin);
-    let (gap, normal) = obstacle.gap(begin + surface_way, radius);
-    let approach = (surface_way - (of(flight, start) - begin)).dot(normal) / h;
+    let surface_displacement = h * obstacle.motion_at(begin);
+    let (gap, normal) = obstacle.gap(begin + surface_displacement, radius);
+    let approach = (surface_displacement - (of(flight, start) - begin)).dot(normal) / h;
     let mut others = [(0, 0.0); 3];
     let rest = (0..feature.count).filter(|place| *place != first);
     rest.zip(&mut others).for_each(|(place, other)| *other = (nodes[place], weights[place]));
     let mut own_radii = [radii[first]; 3];
     let rest = (0..feature.count).filter(|place| *place != first);
     rest.zip(&mut own_radii[1..]).for_each(|(place, own)| *own = radii[place]);
-    let carried = surface_way + h * obstacle.sliding();
+    let carried = surface_displacement + h * obstacle.sliding();
     let followed = obstacle.is_curved().then_some(Followed {
         feature: number,
         radii: own_radii,

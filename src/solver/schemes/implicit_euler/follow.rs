@@ -34,7 +34,7 @@ const NEGLIGIBLE: f64 = 1e-4;
 /// 877, 1976). What lies along a line of the surface is as deep everywhere: its point does not go from end to end for a turn by less.
 const INERTIA: f64 = 0.01;
 
-/// What is known of a feature whose point follows.
+/// What is known of a feature with a contact point that follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Followed {
     /// The number of the feature in its island.
@@ -173,17 +173,20 @@ fn step_within(at: DVec2, slope: DVec2, [first, second]: [DVec2; 2], is_edge: bo
             + 0.5 * (first.x * step.x * step.x + second.y * step.y * step.y)
             + across * step.x * step.y
     };
-    // Along a segment from `from` in the direction `way`.
-    let along = |from: DVec2, way: DVec2| {
-        let rate = slope.dot(way)
-            + way.dot(DVec2::new(first.x * from.x + across * from.y, across * from.x + second.y * from.y));
-        let bend = first.x * way.x * way.x + second.y * way.y * way.y + 2.0 * across * way.x * way.y;
+    // Along a segment from `from` in the direction `direction`.
+    let along = |from: DVec2, direction: DVec2| {
+        let rate = slope.dot(direction)
+            + direction
+                .dot(DVec2::new(first.x * from.x + across * from.y, across * from.x + second.y * from.y));
+        let bend = first.x * direction.x * direction.x
+            + second.y * direction.y * direction.y
+            + 2.0 * across * direction.x * direction.y;
         let part = match bend > 0.0 {
             true => (-rate / bend).clamp(0.0, 1.0),
             false if rate > 0.0 => 0.0,
             false => 1.0,
         };
-        from + way * part
+        from + direction * part
     };
     if is_edge {
         return along(-at, DVec2::X);

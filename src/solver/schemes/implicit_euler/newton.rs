@@ -30,7 +30,7 @@ const MAX_ASCENTS: usize = 3;
 const MAX_HALVINGS: usize = 30;
 
 /// The decrease of the potential in a step, at least, as a part of that at its start (Armijo, *Pacific J. Math.* 16, 1, 1966).
-const LEAST_DECREASE: f64 = 1e-4;
+const MIN_DECREASE: f64 = 1e-4;
 
 /// How much the energy of contacts may rise in a step that raises the potential, as a part of that of the step.
 const MAX_CONTACT_RISE: f64 = 0.5;
@@ -160,7 +160,7 @@ impl Newton {
         let mut share = 1.0;
         for _ in 0..MAX_HALVINGS {
             self.take_step(system, elimination, share);
-            let allowed = potential - LEAST_DECREASE * share * fall + 1e-12 * potential.abs();
+            let allowed = potential - MIN_DECREASE * share * fall + 1e-12 * potential.abs();
             if system.potential(elimination) <= allowed {
                 *rises = 0;
                 return share == 1.0;

@@ -17,7 +17,7 @@ use crate::solver::particles::{Particles, Vectors};
 pub(super) const MAX_GAIN: f64 = 1e-3;
 
 /// Below this part of it a step is left out.
-pub(super) const LEAST_PART: f64 = 1e-3;
+pub(super) const MIN_PART: f64 = 1e-3;
 
 impl Island {
     /// Whether a solution of the step is known to have no more energy than there was before: it touches nothing, encloses no gas, and
@@ -117,11 +117,15 @@ impl Island {
                 |node: usize| Motion { position: position[node], velocity: velocity(particles, node) };
             self.energy(step, particles, motion)[1]
         };
+        // What nothing holds keeps the motion of its centre of mass.
+        let is_held = self.elimination.is_anchored() || self.system.contacts.are_held_from_outside();
+        let own = if is_held { 0.0 } else { self.own_energy(particles) };
+        let allowed_potential = (allowed - own).max(0.0);
         let mut position = self.system.position.clone();
         let mut potential = potential_at(&position, particles);
         let (mut part, free) = (1.0, 0..self.elimination.free);
-        while potential > allowed && part > 0.0 {
-            part = if part > LEAST_PART { 0.5 * part } else { 0.0 };
+        while potential > allowed_potential && part > 0.0 {
+            part = if part > MIN_PART { 0.5 * part } else { 0.0 };
             for node in free.clone() {
                 position[node] = self.system.start[node].lerp(self.system.position[node], part);
             }
@@ -137,6 +141,20 @@ impl Island {
         self.slow_down((allowed - potential).max(0.0), particles, acceleration, step.h);
     }
 
+    /// The momentum, kg·m/s, and the mass, kg.
+    fn momentum(&self, particles: &Particles) -> (DVec3, f64) {
+        self.slots().fold((DVec3::ZERO, 0.0), |(momentum, total), slot| {
+            let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
+            (momentum + mass * particles.velocity.get(slot).as_dvec3(), total + mass)
+        })
+    }
+
+    /// The kinetic energy of the motion of its centre of mass, J.
+    fn own_energy(&self, particles: &Particles) -> f64 {
+        let (momentum, mass) = self.momentum(particles);
+        0.5 * momentum.length_squared() / mass
+    }
+
     /// Slows it down to a kinetic energy of `allowed` J, and not its centre of mass.
     pub(super) fn slow_down(
         &self,
@@ -147,9 +165,7 @@ impl Island {
     ) {
         let slots = || self.slots();
         let mass = |particles: &Particles, slot: usize| 1.0 / f64::from(particles.inverse_mass()[slot]);
-        let total: f64 = slots().map(|slot| mass(particles, slot)).sum();
-        let momentum: DVec3 =
-            slots().map(|slot| mass(particles, slot) * particles.velocity.get(slot).as_dvec3()).sum();
+        let (momentum, total) = self.momentum(particles);
         let centre = momentum / total;
         let relative: f64 = slots()
             .map(|slot| {

@@ -180,7 +180,7 @@ impl System {
     }
 
     /// Linearises everything at the present positions, and eliminates the trees from the leaves to
-    /// their roots. What remains is the core, whose `right` and `diagonal` are filled in.
+    /// their roots. What remains is the core, the `right` and `diagonal` of which are filled in.
     ///
     /// Returns the value of the potential there, in J.
     pub fn linearise(&mut self, elimination: &Elimination) -> f64 {

@@ -1,4 +1,4 @@
-//! The elimination of trees whose nodes may have two parents: ropes that resist bending.
+//! The elimination of trees with nodes that may have two parents: ropes that resist bending.
 //!
 //! With A the block of a node, P and Q what couples it to its parents p and q, and r its right side, its step is
 //!
@@ -162,7 +162,7 @@ impl System {
         found.energy
     }
 
-    /// Eliminates a node, whose block is at least `inertia` I.
+    /// Eliminates a node. Its block is at least `inertia` I.
     #[inline]
     fn eliminate(&mut self, row: Row, inertia: f64, bent: &BentNode) {
         let Row { node, parents: [first, second], right, couplings: [to_first, to_second], .. } = row;

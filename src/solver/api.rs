@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 
 use crate::solver::collision::Collider;
-use crate::solver::elements::{Bend, Elements, Holds, Plasticity, Spring};
+use crate::solver::elements::{Bend, Elements, Holds, Spring};
 use crate::solver::energy::{Measurements, measure};
 use crate::solver::outputs::Outputs;
 use crate::solver::particles::PinnedMotion;
@@ -11,6 +11,7 @@ use crate::solver::settings::StepSettings;
 use crate::solver::stability::{FrequencyBounds, Plan};
 use crate::solver::state::State;
 use crate::solver::step::{Caches, Inputs, step};
+use crate::solver::validation::{check, check_bend, inverse, non_negative};
 
 /// Particles joined by springs, without Bevy's ECS.
 ///
@@ -60,13 +61,6 @@ pub enum SolverError {
         /// The particle.
         particle: usize,
     },
-}
-
-pub(super) fn non_negative(field: &'static str, value: f32) -> Result<(), SolverError> {
-    match value.is_finite() && value >= 0.0 {
-        true => Ok(()),
-        false => Err(SolverError::OutOfRange { field, value, expected: "a finite number >= 0" }),
-    }
 }
 
 impl Solver {
@@ -358,43 +352,5 @@ impl Solver {
     /// The ends and parameters of a spring; those of a removed one are zero.
     pub fn spring(&self, number: usize) -> ([usize; 2], Spring) {
         self.state.spring_with_ends(number)
-    }
-}
-
-fn inverse(mass: f32) -> Result<f32, SolverError> {
-    match mass > 0.0 {
-        true => Ok(1.0 / mass),
-        false => Err(SolverError::OutOfRange { field: "mass", value: mass, expected: "a number > 0" }),
-    }
-}
-
-fn check(spring: Spring) -> Result<(), SolverError> {
-    non_negative("rest_length", spring.rest_length)?;
-    non_negative("stiffness", spring.stiffness)?;
-    non_negative("damping", spring.damping)?;
-    spring.max_stretch.map_or(Ok(()), |limit| non_negative("max_stretch", limit))?;
-    spring.breaking_force.map_or(Ok(()), |limit| non_negative("breaking_force", limit))?;
-    let Some(Plasticity { yield_strain, max_strain, strain }) = spring.plasticity else { return Ok(()) };
-    non_negative("yield_strain", yield_strain)?;
-    non_negative("max_strain", max_strain)?;
-    match strain.is_finite() && strain >= -1.0 {
-        true => Ok(()),
-        false => {
-            let expected = "a finite number >= -1";
-            Err(SolverError::OutOfRange { field: "strain", value: strain, expected })
-        }
-    }
-}
-
-/// Weights of up to four ends, each rounded to a part in 2^24 of the largest.
-fn check_bend<const N: usize>(bend: &Bend<N>) -> Result<(), SolverError> {
-    non_negative("rest_length", bend.rest_length)?;
-    non_negative("stiffness", bend.stiffness)?;
-    non_negative("damping", bend.damping)?;
-    let sum: f32 = bend.weights.iter().sum();
-    let largest = bend.weights.iter().fold(0.0_f32, |largest, weight| largest.max(weight.abs()));
-    match sum.abs() <= 1e-6 * largest {
-        true => Ok(()),
-        false => Err(SolverError::OutOfRange { field: "sum of weights", value: sum, expected: "0" }),
     }
 }

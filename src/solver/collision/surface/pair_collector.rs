@@ -11,15 +11,15 @@ use super::search::{Candidate, Moving};
 use super::tree::{Box3, CLUSTER};
 use crate::solver::graph::Exclusions;
 
-use super::super::material::{Skin, skin_of};
+use super::super::material::{ContactProperties, properties_of};
 
-/// What pairs are wanted.
+/// Which pairs are searched for.
 #[derive(Clone, Copy)]
-pub(super) struct Wanted<'a> {
+pub(super) struct PairQuery<'a> {
     pub primitives: &'a Primitives,
     pub moving: Moving<'a>,
-    /// See [`super::super::material::skin_of`].
-    pub skins: &'a [Skin],
+    /// See [`super::super::material::properties_of`].
+    pub properties: &'a [ContactProperties],
     /// How far vertices may get, see [`Displacements`](super::displacements::Displacements), m.
     pub limits: &'a [Vec<f32>; 2],
     /// Within a body and of bodies, m.
@@ -27,8 +27,8 @@ pub(super) struct Wanted<'a> {
 }
 
 /// Lists the pairs of primitives with overlapping boxes.
-pub(super) struct Finder<'a> {
-    pub wanted: Wanted<'a>,
+pub(super) struct PairCollector<'a> {
+    pub query: PairQuery<'a>,
     pub candidates: &'a mut Vec<Candidate>,
 }
 
@@ -64,29 +64,33 @@ impl Overlapping {
     }
 }
 
-impl Finder<'_> {
+impl PairCollector<'_> {
     /// Looks for pairs of a ball with what is in a cluster.
     pub fn test_ball(&mut self, slot: u32, number: u32, boxes: Boxes) {
-        let (own, forest) = (boxes.vertices[slot as usize], &self.wanted.primitives.forest);
-        let cluster = &forest.clusters[number as usize];
+        let (own, forest) = (boxes.vertices[slot as usize], &self.query.primitives.forest);
+        let (cluster, near) = (&forest.clusters[number as usize], &self.query.primitives.near);
         for number in Overlapping::of(&cluster.triangles, boxes.triangles, &own).iter() {
-            self.add_vertex_face(slot, &forest.triangles[number], false);
+            let triangle = &forest.triangles[number];
+            self.add_vertex_face(slot, triangle, (false, || near.way(&[slot], &triangle.corners)));
         }
         for number in Overlapping::of(&cluster.edges, boxes.edges, &own).iter() {
             let edge = &forest.edges[number];
             if edge.marks & owns::FACE == 0 {
                 let [a, b, _] = edge.corners;
-                self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], false);
+                let way = || near.way(&[slot], &[a, b]);
+                self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], (false, way));
             }
         }
     }
 
     /// Looks for pairs between two clusters, or within one.
     pub fn test_clusters(&mut self, numbers: [u32; 2], boxes: Boxes, at: [u32; 2]) {
-        let forest = &self.wanted.primitives.forest;
+        let forest = &self.query.primitives.forest;
         let clusters = numbers.map(|number| &forest.clusters[number as usize]);
         let nodes = at.map(|node| boxes.nodes[node as usize]);
         let is_same = numbers[0] == numbers[1];
+        let corners = clusters.map(|cluster| forest.corners_of(cluster));
+        let ways = self.query.primitives.near.between(corners[0], corners[1]);
         for side in 0..if is_same { 1 } else { 2 } {
             let (own, other) = (clusters[side], clusters[1 - side]);
             let triangles = Overlapping::of(&other.triangles, boxes.triangles, &nodes[side]);
@@ -95,10 +99,15 @@ impl Finder<'_> {
                 if !vertex.overlaps(&nodes[1 - side]) {
                     continue;
                 }
+                let place = corners[side].partition_point(|corner| corner < slot) as u8;
                 for number in triangles.iter() {
                     let triangle = &forest.triangles[number];
                     if boxes.triangles[number].overlaps(vertex) && !triangle.corners.contains(slot) {
-                        self.add_vertex_face(*slot, triangle, boxes.is_within);
+                        let way = || match side {
+                            0 => ways.least(&[place], &triangle.places),
+                            _ => ways.least(&triangle.places, &[place]),
+                        };
+                        self.add_vertex_face(*slot, triangle, (boxes.is_within, way));
                     }
                 }
             }
@@ -113,32 +122,50 @@ impl Finder<'_> {
                 let other = &forest.edges[second];
                 let is_near = boxes.edges[second].overlaps(own);
                 if is_near && !edge.corners[..2].iter().any(|corner| other.corners.contains(corner)) {
-                    self.add_edges(edge, other, boxes.is_within);
+                    let way = || ways.least(&edge.places[..2], &other.places[..2]);
+                    self.add_edges(edge, other, (boxes.is_within, way));
                 }
             }
         }
     }
 
-    fn add_vertex_face(&mut self, slot: u32, triangle: &Primitive, is_within: bool) {
+    fn add_vertex_face(
+        &mut self,
+        slot: u32,
+        triangle: &Primitive,
+        (is_within, way): (bool, impl FnOnce() -> f32),
+    ) {
         let [a, b, c] = triangle.corners;
-        self.add([slot, a, b, c], Kind::VertexFace, [0, triangle.marks], is_within);
+        self.add([slot, a, b, c], Kind::VertexFace, [0, triangle.marks], (is_within, way));
     }
 
     /// The edge with the smaller ends comes first, whatever cluster it is in.
-    fn add_edges(&mut self, edge: &Primitive, other: &Primitive, is_within: bool) {
+    fn add_edges(
+        &mut self,
+        edge: &Primitive,
+        other: &Primitive,
+        (is_within, way): (bool, impl FnOnce() -> f32),
+    ) {
         let (one, other) = if edge.corners < other.corners { (edge, other) } else { (other, edge) };
         let slots = [one.corners[0], one.corners[1], other.corners[0], other.corners[1]];
-        self.add(slots, Kind::EdgeEdge, [one.marks, other.marks], is_within);
+        self.add(slots, Kind::EdgeEdge, [one.marks, other.marks], (is_within, way));
     }
 
     /// Whether the layers of two particles meet.
     fn may_meet(&self, one: u32, other: u32) -> bool {
-        let layers = |slot: u32| skin_of(self.wanted.skins, slot as usize).layers;
-        self.wanted.skins.is_empty() || layers(one).meet(layers(other))
+        let layers = |slot: u32| properties_of(self.query.properties, slot as usize).layers;
+        self.query.properties.is_empty() || layers(one).meet(layers(other))
     }
 
-    fn add(&mut self, slots: [u32; 4], kind: Kind, marks: [u8; 2], is_within: bool) {
-        let Wanted { primitives, moving, limits, margins, .. } = self.wanted;
+    /// `way` is the least one from a corner of one side to one of the other, m.
+    fn add(
+        &mut self,
+        slots: [u32; 4],
+        kind: Kind,
+        marks: [u8; 2],
+        (is_within, way): (bool, impl FnOnce() -> f32),
+    ) {
+        let PairQuery { moving, limits, margins, .. } = self.query;
         let particles = moving.particles;
         let is_free = |slot: &u32| !particles.is_pinned(*slot as usize);
         let is_exempt = Exclusions::are_of_one_family(particles.families(), slots[0], slots[3]);
@@ -159,7 +186,7 @@ impl Finder<'_> {
         if least > reach + margin {
             return;
         }
-        let way = primitives.near.way(&slots[..sides], &slots[sides..]);
+        let way = way();
         // No way is between those that share a corner which a tear has split.
         let is_far = |distance: f32| distance > reach + margin || distance > 0.5 * way + margin;
         if way == 0.0 || is_far(least) {

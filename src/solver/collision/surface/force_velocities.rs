@@ -10,7 +10,7 @@ use crate::solver::particles::{Particles, Vectors};
 
 /// What particles lose that stop each other.
 #[derive(Debug, Clone, Copy, Default)]
-struct Loss {
+struct StoppedGroup {
     /// kg·m/s.
     momentum: DVec3,
     /// kg.
@@ -21,26 +21,26 @@ struct Loss {
 
 /// Working memory.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Gains {
+pub(super) struct ForceVelocities {
     /// By slot: what forces have changed the velocities by, m/s; until they have, the velocities before.
-    gained: Vectors,
+    by_forces: Vectors,
     /// By slot: another one of those that stop each other in this substep, or itself. Empty if nothing has stopped.
     parents: Vec<u32>,
     /// By slot, of those that are their own parents; else none.
-    losses: Vec<Loss>,
+    groups: Vec<StoppedGroup>,
     /// The pinned ones among those that stop each other.
     pinned: Vec<u32>,
 }
 
-impl Gains {
+impl ForceVelocities {
     /// To be called before the velocities change by forces.
     pub fn begin(&mut self, particles: &Particles) {
-        self.gained.copy_from(&particles.velocity);
+        self.by_forces.copy_from(&particles.velocity);
     }
 
     /// To be called when they have.
     pub fn end(&mut self, particles: &Particles) {
-        self.gained.subtract_from(&particles.velocity);
+        self.by_forces.subtract_from(&particles.velocity);
     }
 
     /// Nothing has been stopped in this substep yet.
@@ -53,7 +53,7 @@ impl Gains {
     pub fn join(&mut self, slots: impl IntoIterator<Item = u32>, particles: &Particles) {
         if self.parents.is_empty() {
             self.parents.extend(0..particles.len() as u32);
-            self.losses.resize(particles.len(), Loss::default());
+            self.groups.resize(particles.len(), StoppedGroup::default());
         }
         let mut joined = None;
         for slot in slots {
@@ -76,8 +76,8 @@ impl Gains {
         slot
     }
 
-    /// Takes from stopped particles, each of which is listed once with the part of its displacement that it goes, what they have gained
-    /// on the rest of it.
+    /// Takes from stopped particles, each of which is listed once with the part of its displacement that it goes, what forces have given
+    /// them on the rest of it.
     pub fn lose(&mut self, particles: &mut Particles, stopped: &[(u32, f32)]) {
         // Only an implicit step has stopped anything.
         if self.parents.is_empty() {
@@ -85,22 +85,22 @@ impl Gains {
         }
         for number in 0..self.pinned.len() {
             let root = self.root(self.pinned[number]);
-            self.losses[root as usize].is_held = true;
+            self.groups[root as usize].is_held = true;
         }
         for (number, part) in stopped.iter().copied() {
             let (root, slot) = (self.root(number) as usize, number as usize);
             let mass = 1.0 / f64::from(particles.inverse_mass()[slot]);
-            self.losses[root].mass += mass;
-            self.losses[root].momentum += mass * ((1.0 - part) * self.gained.get(slot)).as_dvec3();
+            self.groups[root].mass += mass;
+            self.groups[root].momentum += mass * ((1.0 - part) * self.by_forces.get(slot)).as_dvec3();
         }
         for (number, part) in stopped.iter().copied() {
             let (root, slot) = (self.root(number) as usize, number as usize);
-            let Loss { momentum, mass, is_held } = self.losses[root];
+            let StoppedGroup { momentum, mass, is_held } = self.groups[root];
             let shared = if is_held { Vec3::ZERO } else { (momentum / mass).as_vec3() };
-            let gain = self.gained.get(slot);
-            particles.velocity.set(slot, particles.velocity.get(slot) - (1.0 - part) * gain + shared);
-            self.gained.set(slot, part * gain + shared);
+            let by_force = self.by_forces.get(slot);
+            particles.velocity.set(slot, particles.velocity.get(slot) - (1.0 - part) * by_force + shared);
+            self.by_forces.set(slot, part * by_force + shared);
         }
-        self.losses.fill(Loss::default());
+        self.groups.fill(StoppedGroup::default());
     }
 }

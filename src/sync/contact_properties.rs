@@ -4,14 +4,16 @@ use bevy::prelude::*;
 
 use crate::collider::{ContactLayers, ContactMaterial};
 use crate::particle::Particle;
-use crate::solver::{Layers, Material, Skin};
+use crate::solver::{ContactProperties, Layers, Material};
 
 use super::Simulation;
+use super::exemptions::{ExemptionQueries, GatheredExemptions};
+use super::hierarchy::Hierarchy;
 use super::registry::Slot;
 use super::state::{MassSpringState, Warnings};
 
 /// Particles and nets with a surface of their own.
-pub(super) type SkinnedQuery<'w, 's> = Query<
+type ContactPropertiesQuery<'w, 's> = Query<
     'w,
     's,
     (
@@ -26,16 +28,20 @@ pub(super) type SkinnedQuery<'w, 's> = Query<
     ),
 >;
 
+/// What surfaces are read from.
+pub(super) type ContactPropertiesQueries<'w, 's> = (ContactPropertiesQuery<'w, 's>, ExemptionQueries<'w, 's>);
+
 /// Writes the surfaces that are not as those of all others; none, where there are none.
-pub(super) fn gather_skins(
+pub(super) fn gather_contact_properties(
     state: &MassSpringState,
     simulation: &mut Simulation,
     warnings: &mut Warnings,
-    skinned: &SkinnedQuery,
+    (query, queries): &ContactPropertiesQueries,
+    (exemptions, hierarchy): (&mut GatheredExemptions, &Hierarchy),
 ) {
-    let skins = &mut simulation.inputs.skins;
-    skins.clear();
-    for (entity, slot, material, layers) in skinned {
+    let properties = &mut simulation.inputs.contact_properties;
+    properties.clear();
+    for (entity, slot, material, layers) in query {
         let material = material.filter(|material| match material.validate() {
             Ok(()) => true,
             Err(problem) => {
@@ -49,11 +55,21 @@ pub(super) fn gather_skins(
             Material { restitution, friction, restitution_rule, friction_rule }
         });
         let ContactLayers { memberships, filters } = layers.copied().unwrap_or_default();
-        let skin = Skin { material, layers: Layers { memberships, filters } };
-        skins.resize(state.solver.particles.len(), Skin::default());
+        let found = ContactProperties { material, layers: Layers::new(memberships, filters) };
+        properties.resize(state.solver.particles.len(), ContactProperties::default());
         let place = state.nets.get(entity).and_then(|net| net.place.as_ref());
         let of_net = place.into_iter().flat_map(|place| place.slots());
         let own = slot.and_then(Slot::get);
-        own.into_iter().chain(of_net).for_each(|slot| skins[slot] = skin);
+        own.into_iter().chain(of_net).for_each(|slot| properties[slot] = found);
     }
+    exemptions.for_each_concerned(queries, |exemptions, entity, slot| {
+        let place = state.nets.get(entity).and_then(|net| net.place.as_ref());
+        if slot.is_none() && place.is_none() {
+            return;
+        }
+        let of_entity = exemptions.of(entity, queries, hierarchy);
+        properties.resize(state.solver.particles.len(), ContactProperties::default());
+        let of_net = place.into_iter().flat_map(|place| place.slots());
+        slot.into_iter().chain(of_net).for_each(|slot| properties[slot].layers.exemptions = of_entity);
+    });
 }

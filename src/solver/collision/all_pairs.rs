@@ -7,13 +7,13 @@ const LANES: usize = 8;
 
 /// The spheres; the arrays are kept between uses.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Few {
+pub(super) struct AllPairs {
     slots: Vec<u32>,
     /// Centres and radii, m, padded to whole vectors with spheres that overlap nothing.
     axes: [Vec<f32>; 4],
 }
 
-impl Few {
+impl AllPairs {
     /// Takes the spheres (slot, centre, radius > 0).
     pub fn set(&mut self, spheres: impl Iterator<Item = (u32, Vec3, f32)>) {
         let Self { slots, axes } = self;
@@ -32,13 +32,13 @@ impl Few {
     /// Calls `found` for each sphere with each one behind it that overlaps it, in order: with the number of the first, and
     /// the slots of both. Where that returns false it goes on with the next sphere.
     pub fn for_each_pair(&self, found: impl FnMut(usize, [u32; 2]) -> bool) {
-        pulp::Arch::new().dispatch(EachPair { few: self, found });
+        pulp::Arch::new().dispatch(EachPair { all_pairs: self, found });
     }
 }
 
-/// [`Few::for_each_pair`].
+/// [`AllPairs::for_each_pair`].
 struct EachPair<'a, F> {
-    few: &'a Few,
+    all_pairs: &'a AllPairs,
     found: F,
 }
 
@@ -47,7 +47,7 @@ impl<F: FnMut(usize, [u32; 2]) -> bool> pulp::WithSimd for EachPair<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { few: Few { slots, axes }, mut found } = self;
+        let Self { all_pairs: AllPairs { slots, axes }, mut found } = self;
         let [x, y, z, radius] = axes;
         for one in 0..slots.len() {
             let own = [x[one], y[one], z[one], radius[one]];
@@ -88,10 +88,10 @@ mod tests {
     fn each_overlap_is_found_once_and_in_order() {
         for count in [0, 1, 2, 7, 8, 9, 30] {
             let spheres = (0..count).map(|place| (place + 5, Vec3::X * place as f32, 0.75));
-            let mut few = Few::default();
-            few.set(spheres);
+            let mut all_pairs = AllPairs::default();
+            all_pairs.set(spheres);
             let mut pairs = Vec::new();
-            few.for_each_pair(|one, slots| {
+            all_pairs.for_each_pair(|one, slots| {
                 assert_eq!(one as u32 + 5, slots[0]);
                 pairs.push(slots);
                 true
@@ -103,15 +103,15 @@ mod tests {
 
     #[test]
     fn it_goes_on_with_the_next_sphere_where_it_is_broken_off() {
-        let mut few = Few::default();
-        few.set((0..20).map(|slot| (slot, Vec3::ONE, 0.1)));
+        let mut all_pairs = AllPairs::default();
+        all_pairs.set((0..20).map(|slot| (slot, Vec3::ONE, 0.1)));
         let mut count = 0;
-        few.for_each_pair(|_, _| {
+        all_pairs.for_each_pair(|_, _| {
             count += 1;
             false
         });
         assert_eq!(count, 19, "the last has none behind it");
-        few.set([(0, Vec3::NAN, 0.1), (1, Vec3::ZERO, 0.1), (2, Vec3::ZERO, f32::NAN)].into_iter());
-        few.for_each_pair(|_, slots| panic!("{slots:?}"));
+        all_pairs.set([(0, Vec3::NAN, 0.1), (1, Vec3::ZERO, 0.1), (2, Vec3::ZERO, f32::NAN)].into_iter());
+        all_pairs.for_each_pair(|_, slots| panic!("{slots:?}"));
     }
 }
