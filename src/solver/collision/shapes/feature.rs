@@ -51,6 +51,9 @@ impl Shape {
                 part.turn(part.shape.deepest_on_edge(ends, radii, within))
             })),
             _ => {
+                if let Some(found) = self.deepest_of_round_edge(ends, radii, within) {
+                    return found;
+                }
                 let line = Line { shape: self, ends, radii };
                 let half = 0.5 * ends[0].distance(ends[1]);
                 let least = line.at(0.5).gap - half - 0.5 * (radii[0] - radii[1]).abs();
@@ -79,7 +82,9 @@ impl Shape {
                 let corners = corners.map(|corner| part.placement.to_local(corner));
                 part.turn(part.shape.deepest_on_triangle(corners, radii, within))
             })),
-            _ => self.deepest_of_convex(corners, radii, within),
+            _ => self
+                .deepest_of_round_triangle(corners, radii, within)
+                .unwrap_or_else(|| self.deepest_of_convex(corners, radii, within)),
         }
     }
 

@@ -13,6 +13,7 @@ mod normals;
 mod outline;
 mod placed;
 mod primitives;
+mod round;
 mod separation;
 mod simplex;
 mod sweep;
