@@ -6,7 +6,7 @@ use crate::solver::particles::{Particles, Vectors};
 
 use super::bodies::Body;
 use super::collider::Collider;
-use super::material::{ContactProperties, Material, properties_of};
+use super::material::{ContactProperties, Layers, Material, properties_of};
 use super::response::{Approach, Rebound, SprungApproach, friction, tangential};
 use super::{ContactCaches, ContactRecord, Substep};
 
@@ -64,14 +64,20 @@ impl Surface {
     /// Whether a sphere touches, or is found so little above the surface as one that was projected onto
     /// it may be: by the roundings of its coordinates.
     #[inline]
-    fn touches(&self, [x, y, z]: [f32; 3], radius: f32) -> bool {
+    pub fn touches(&self, [x, y, z]: [f32; 3], radius: f32) -> bool {
         let (point, normal) = (self.point, self.normal);
         let depth = radius - ((x - point.x) * normal.x + (y - point.y) * normal.y + (z - point.z) * normal.z);
         let size = x.abs() + y.abs() + z.abs() + radius + point.x.abs() + point.y.abs() + point.z.abs();
         depth >= -4.0 * f32::EPSILON * size
     }
 
-    fn velocity_at(&self, position: Vec3A) -> Vec3A {
+    /// Restitution and friction with what is of this `material`.
+    pub fn coefficients(&self, material: Option<Material>) -> [f32; 2] {
+        self.material.between(material)
+    }
+
+    /// The velocity of a point that moves with it, m/s.
+    pub fn velocity_at(&self, position: Vec3A) -> Vec3A {
         let carried = self.velocity + self.angular_velocity.cross(position - self.point);
         if self.sliding == Vec3A::ZERO { carried } else { carried + self.sliding }
     }
@@ -109,7 +115,7 @@ impl PlaneContact {
         (rebound, accelerations, displacement): (Rebound, [f32; 2], Vec3A),
         own_properties: ContactProperties,
     ) {
-        let [restitution, _] = surface.material.between(own_properties.material);
+        let [restitution, _] = surface.coefficients(own_properties.material);
         let velocity = Vec3A::from(particles.velocity.get(self.slot)) - self.surface_velocity;
         let displacement = displacement - rebound.substep * self.surface_velocity;
         let position = Vec3A::from(particles.position.get(self.slot));
@@ -232,57 +238,47 @@ impl ContactCaches {
         self.touches.all.iter().for_each(|touch| record(touch.stop_approaching(particles)));
     }
 
-    /// Moves the particles visited by `each`, pressed into a half-space by surface contacts, back onto it; whether there were any.
+    /// The half-spaces at the end of a substep, but for sensors, with the layers that they meet.
+    pub fn half_spaces<'a>(&'a self, substep: Substep<'a>) -> impl Iterator<Item = (Surface, Layers)> + 'a {
+        let Substep { colliders, settings, elapsed, .. } = substep;
+        let all = self.placed.planes.iter().map(move |number| &colliders[*number as usize]);
+        all.filter(move |collider| settings.collide_with_colliders && !collider.is_sensor)
+            .map(move |collider| (collider.surface(elapsed, settings.time_step), collider.layers))
+    }
+
+    /// Moves the particles visited by `each`, pressed into a half-space by surface contacts, back onto it.
     pub fn put_onto_half_spaces(
         &self,
         each: impl Fn(&mut dyn FnMut(usize)),
         particles: &mut Particles,
         substep: Substep,
-    ) -> bool {
-        let Substep { colliders, settings, properties, elapsed, .. } = substep;
-        if !settings.collide_with_colliders {
-            return false;
-        }
-        let mut any = false;
-        for collider in self.placed.planes.iter().map(|number| &colliders[*number as usize]) {
-            let surface = collider.surface(elapsed, settings.time_step);
+    ) {
+        for (surface, layers) in self.half_spaces(substep) {
             each(&mut |slot| {
-                let own_properties = properties_of(properties, slot);
-                if !collider.is_sensor
-                    && !particles.is_pinned(slot)
-                    && own_properties.layers.meet(collider.layers)
-                {
-                    any |= put_onto(&surface, particles, own_properties, slot);
+                let own_properties = properties_of(substep.properties, slot);
+                if !particles.is_pinned(slot) && own_properties.layers.meet(layers) {
+                    put_onto(&surface, particles, own_properties, slot);
                 }
             });
         }
-        any
     }
 }
 
-/// Moves a particle that others have pressed into a half-space back onto it, and removes its approaching velocity, with friction; whether
-/// it was below the surface.
-fn put_onto(
-    surface: &Surface,
-    particles: &mut Particles,
-    own_properties: ContactProperties,
-    slot: usize,
-) -> bool {
+/// Moves a particle that others have pressed into a half-space back onto it, and removes its approaching velocity, with friction.
+fn put_onto(surface: &Surface, particles: &mut Particles, own_properties: ContactProperties, slot: usize) {
     let position = Vec3A::from(particles.position.get(slot));
     let radius = particles.radius()[slot];
     let depth = surface.depth(position, radius);
     if depth.is_nan() || depth <= 0.0 {
-        return false;
+        return;
     }
-    let [_, coefficient] = surface.material.between(own_properties.material);
+    let [_, coefficient] = surface.coefficients(own_properties.material);
     let velocity = Vec3A::from(particles.velocity.get(slot));
     let relative = velocity - surface.velocity_at(position);
     let change = (-relative.dot(surface.normal)).max(0.0);
     let rubbed = friction(tangential(relative, surface.normal), coefficient * change);
     particles.position.set(slot, (position + surface.normal * depth).into());
     particles.velocity.set(slot, (velocity + surface.normal * change + rubbed).into());
-    let size = position.abs().element_sum() + radius + surface.point.abs().element_sum();
-    depth > 4.0 * f32::EPSILON * size
 }
 
 /// Takes note whether the particle slips, at more than `tolerance` m/s, or is moved along.

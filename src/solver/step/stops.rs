@@ -24,29 +24,17 @@ const ENERGY_CORRECTIONS: [EnergyCorrection; 5] = [
     EnergyCorrection::RejectStep,
 ];
 
-/// Number of times, at most, that contacts of surfaces are solved in a substep, each time with what they have pressed into
-/// half-spaces put back onto these: two that press a third one onto the ground part by the weights of the upper ones.
-const MAX_SURFACE_ROUNDS: u32 = 8;
-
-/// Solves the contacts of surfaces, in turn with those of half-spaces; whether there are any. What is squeezed between a
-/// half-space and others ends above it.
+/// Solves the contacts of surfaces; whether there are any. What is squeezed between a half-space and others ends above it.
 fn resolve_surfaces(
     (contacts, surfaces, memory): (&ContactCaches, &mut Surfaces, &mut ContactMemory),
     particles: &mut Particles,
     (substep, evaluated): (Substep, Option<Evaluated>),
-    mut records: Option<&mut Vec<ContactRecord>>,
+    records: Option<&mut Vec<ContactRecord>>,
 ) -> bool {
-    let mut any = false;
     surfaces.begin_contacts(memory, particles);
-    for _ in 0..MAX_SURFACE_ROUNDS {
-        // The impulses of later rounds are corrections of the first ones.
-        if !surfaces.resolve(memory, particles, (substep, evaluated), contacts.implicit(), records.take()) {
-            break;
-        }
-        any = true;
-        if !contacts.put_onto_half_spaces(|visit| surfaces.for_each_touching(visit), particles, substep) {
-            break;
-        }
+    let any = surfaces.resolve(memory, particles, (substep, evaluated), contacts, records);
+    if any {
+        contacts.put_onto_half_spaces(|visit| surfaces.for_each_touching(visit), particles, substep);
     }
     any
 }

@@ -59,7 +59,11 @@ impl Shape {
         let gap = nearest.distance - radii[0];
         debug_assert!(gap.is_nan() || gap >= -radius - radii[0] - ACCURACY);
         let is_inner = on == Feature::Face && weights.iter().all(|weight| *weight > MIN_WEIGHT);
-        Some(if is_inner && gap <= within { Ok(Deepest { weights, gap, nearest }) } else { Err(gap - ACCURACY) })
+        Some(if is_inner && gap <= within {
+            Ok(Deepest { weights, gap, nearest })
+        } else {
+            Err(gap - ACCURACY)
+        })
     }
 }
 
@@ -134,7 +138,9 @@ mod tests {
                             || (other.gap - 0.01).abs() < 1e-6;
                         assert!(is_limit, "{shape:?} {ends:?}: {least}, {other:?}");
                     }
-                    [Err(one), Err(other)] => assert!(one > other - 3e-8, "{shape:?} {ends:?}: {one}, {other}"),
+                    [Err(one), Err(other)] => {
+                        assert!(one > other - 3e-8, "{shape:?} {ends:?}: {one}, {other}")
+                    }
                 }
                 match [even, uneven].map(|radii| shape.deepest_on_triangle(corners, radii, 0.01)) {
                     [Ok(one), Ok(other)] => {
@@ -165,7 +171,10 @@ mod tests {
             [DVec3::new(-2.0, height, -1.0), DVec3::new(2.0, height, -1.0), DVec3::new(0.0, height, 3.0)]
         };
         let found = shape.deepest_on_triangle(at(0.61), [0.05; 3], 0.0).unwrap();
-        assert!((found.gap + 0.04).abs() < 1e-12 && found.nearest.normal.distance(DVec3::Y) < 1e-12, "{found:?}");
+        assert!(
+            (found.gap + 0.04).abs() < 1e-12 && found.nearest.normal.distance(DVec3::Y) < 1e-12,
+            "{found:?}"
+        );
         assert!(shape.deepest_on_triangle(at(0.7), [0.05; 3], 0.0).is_err());
         let beside = at(0.0).map(|corner| DVec3::new(0.12, corner.x, corner.z));
         let found = shape.deepest_on_triangle(beside, [0.05; 3], 0.0).unwrap();

@@ -3,7 +3,7 @@
 use bevy::math::{Vec3, Vec3A};
 
 use super::lists::NearPair;
-use super::pair::{CLOSE_PART, Kind, PairPaths, least_apart, rounding_of};
+use super::pair::{CLOSE_PART, Kind, PairPaths, apart_along, least_apart, rounding_of};
 use super::primitives::owns;
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
@@ -178,24 +178,36 @@ impl Examination<'_> {
         }
         let paths = candidate.paths(self.moving);
         let displacement = paths.relative_displacement();
-        if least_apart(candidate.kind, &paths.start) - rounding_of(&paths.start) - displacement
-            > largest + slop
-        {
+        let rounding = rounding_of(&paths.start);
+        // Less than the true distance at the start: what is told from it must not depend on when the pair was listed.
+        let at_least = apart_along(candidate.kind, &paths.start, near.direction)
+            .max(least_apart(candidate.kind, &paths.start))
+            - rounding;
+        if at_least - displacement > largest + slop {
             return None;
         }
-        let distance = paths.closest(0.0).apart.length();
-        if (distance - displacement).is_nan()
-            || distance - displacement > largest + slop
-            || distance <= COINCIDENT * candidate.reach
-        {
-            return None;
-        }
-        let time = if displacement < SLOW_DISPLACEMENT * distance {
+        let is_slow = |distance: f32| {
+            distance > COINCIDENT * candidate.reach && displacement < SLOW_DISPLACEMENT * distance
+        };
+        let time = if is_slow(at_least) {
+            if apart_along(candidate.kind, &paths.at(1.0), near.direction) - rounding > largest + slop {
+                return None;
+            }
             1.0
-        } else if distance <= largest {
-            0.0
         } else {
-            paths.first_near(distance, largest / (1.0 + CLOSE_PART))
+            let distance = paths.closest(0.0).apart.length();
+            if is_slow(distance) {
+                1.0
+            } else if (distance - displacement).is_nan()
+                || distance - displacement > largest + slop
+                || distance <= COINCIDENT * candidate.reach
+            {
+                return None;
+            } else if distance <= largest {
+                0.0
+            } else {
+                paths.first_near(distance, largest / (1.0 + CLOSE_PART))
+            }
         };
         let found = paths.closest(time);
         if !candidate.owns(&found.weights) {

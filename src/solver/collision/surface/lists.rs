@@ -5,9 +5,11 @@
 //! is now, by their distances of now, and another list those of the first one: the last is the one that is looked at in each substep,
 //! and is made anew from the one before as often as it has to be (Verlet's neighbour lists, *Phys. Rev.* 159, 98, 1967, nested).
 
+use bevy::math::Vec3A;
+
 use super::closest::closest;
 use super::displacements::{Displacements, Measured};
-use super::pair::{least_apart, rounding_of};
+use super::pair::{apart_along, least_apart, rounding_of};
 use super::search::{Candidate, Moving};
 
 /// The limits of a list as a part of those of the one before, or of the search.
@@ -20,6 +22,8 @@ pub(super) struct NearPair {
     pub number: u32,
     /// Its distance at the start of the substep in which it was listed, at least, m.
     pub distance: f32,
+    /// The unit vector between its closest points at some time: its sides stay apart along it for long.
+    pub direction: Vec3A,
 }
 
 /// The pairs that may touch while vertices are within limits.
@@ -43,7 +47,7 @@ impl List {
         }
         let (limits, start) = (&self.displacements.limits, measured.moving.start);
         self.pairs.clear();
-        for NearPair { number, mut distance } in pairs {
+        for NearPair { number, mut distance, mut direction } in pairs {
             let candidate = &candidates[number as usize];
             let most = candidate.largest_reach() + margin;
             let may_touch = |distance: f32| candidate.least_distance(distance, limits) <= most;
@@ -53,13 +57,17 @@ impl List {
                 }
                 let corners = candidate.slots.map(|slot| start.get(slot as usize).into());
                 let rounding = rounding_of(&corners);
-                if !may_touch(least_apart(candidate.kind, &corners) - rounding) {
+                let kind = candidate.kind;
+                if !may_touch(apart_along(kind, &corners, direction) - rounding)
+                    || !may_touch(least_apart(kind, &corners) - rounding)
+                {
                     continue;
                 }
-                distance = closest(candidate.kind, &corners).apart.length() - rounding;
+                let apart = closest(kind, &corners).apart;
+                (distance, direction) = (apart.length() - rounding, apart.normalize_or_zero());
             }
             if may_touch(distance) {
-                self.pairs.push(NearPair { number, distance });
+                self.pairs.push(NearPair { number, distance, direction });
             }
         }
         true
@@ -69,6 +77,7 @@ impl List {
     pub fn list_all(&mut self, count: usize, moving: Moving) {
         self.displacements.begin(moving, 0);
         self.pairs.clear();
-        self.pairs.extend((0..count as u32).map(|number| NearPair { number, distance: f32::NEG_INFINITY }));
+        let (distance, direction) = (f32::NEG_INFINITY, Vec3A::ZERO);
+        self.pairs.extend((0..count as u32).map(|number| NearPair { number, distance, direction }));
     }
 }

@@ -42,6 +42,7 @@ mod search;
 mod solve;
 mod spread;
 mod stiff;
+mod supports;
 mod tree;
 mod walks;
 
@@ -55,11 +56,12 @@ use search::{Moving, Search};
 use solve::Touching;
 pub(in crate::solver) use stiff::StiffContact;
 pub(super) use stiff::{CONTACT_HYSTERESIS, MAX_ELEMENT_SHARE};
+use supports::Supports;
 pub(super) use tree::Box3;
 
 use super::material::ContactProperties;
 use super::response::Rebound;
-use super::{ContactMemory, ContactPartner, ContactRecord, Evaluated, Substep};
+use super::{ContactCaches, ContactMemory, ContactPartner, ContactRecord, Evaluated, Substep};
 use crate::solver::elements::{CollisionMesh, Elements};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::settings::{Integrator, PairRules, StepSettings};
@@ -83,6 +85,7 @@ pub(in crate::solver) struct Surfaces {
     contacts: Vec<Contact>,
     grips: Grips,
     bodies: Vec<Touching>,
+    supports: Supports,
     /// The place of each slot among the bodies.
     places: Vec<u32>,
     advance: Advance,
@@ -204,13 +207,14 @@ impl Surfaces {
         memory: &mut ContactMemory,
         particles: &mut Particles,
         (substep, evaluated): (Substep, Option<Evaluated>),
-        is_implicit: &[bool],
+        others: &ContactCaches,
         records: Option<&mut Vec<ContactRecord>>,
     ) -> bool {
         self.contacts.clear();
         self.bodies.clear();
         memory.grips.clear();
         let Substep { settings, integrator, duration, acceleration, properties, .. } = substep;
+        let is_implicit = others.implicit();
         let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return false };
         let rebound = rebound_of(settings, (integrator, duration));
         self.ensure(particles, (properties, rebound.slop));
@@ -241,8 +245,10 @@ impl Surfaces {
         }
         self.grips.recall(contacts, &search.candidates);
         self.gather(particles);
-        solve::solve_velocities(&mut self.contacts, &mut self.bodies, 0.02 * rebound.resting_speed);
-        solve::solve_positions(&mut self.contacts, &mut self.bodies);
+        let Self { contacts, bodies, supports, .. } = self;
+        supports.find(others.half_spaces(substep), (bodies, particles), properties);
+        solve::solve_velocities(contacts, (bodies, supports), 0.02 * rebound.resting_speed);
+        solve::solve_positions(contacts, bodies, supports);
         let Self { contacts, bodies, search, .. } = &*self;
         let slips = contacts.iter().filter_map(|contact| Some((contact, solve::slip(contact, bodies)?)));
         memory.grips.extend(

@@ -57,6 +57,17 @@ pub(super) fn least_apart(kind: Kind, corners: &[Vec3A; 4]) -> f32 {
     direction.dot(own).min(0.0) - along[0].max(along[1]).max(along[2])
 }
 
+/// Another one: their distance along a `direction`, a unit vector. It is the true one along that of the closest points.
+#[inline]
+pub(super) fn apart_along(kind: Kind, corners: &[Vec3A; 4], direction: Vec3A) -> f32 {
+    let [a, b, c] = [1, 2, 3].map(|corner| direction.dot(corners[corner] - corners[0]));
+    match kind {
+        Kind::VertexFace => -a.max(b).max(c),
+        Kind::EdgeEdge => a.min(0.0) - b.max(c),
+        Kind::VertexEdge => -a.max(b),
+    }
+}
+
 /// By how much rounding may change the distance of two primitives with some corners, m.
 pub(super) fn rounding_of(corners: &[Vec3A; 4]) -> f32 {
     let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));

@@ -192,12 +192,14 @@ impl PairCollector<'_> {
         if way == 0.0 || is_far(least) {
             return;
         }
-        let distance = closest(kind, &corners).apart.length() - rounding;
+        let apart = closest(kind, &corners).apart;
+        let distance = apart.length() - rounding;
         if is_far(distance) {
             return;
         }
         let most = 0.5 * way;
-        self.candidates.push(Candidate { slots, kind, marks, is_within, distance, reach, most });
+        let direction = apart.normalize_or_zero();
+        self.candidates.push(Candidate { slots, kind, marks, is_within, distance, direction, reach, most });
     }
 }
 

@@ -44,6 +44,8 @@ pub(super) struct Candidate {
     pub is_within: bool,
     /// Their distance at the start of the substep of the search, m.
     pub distance: f32,
+    /// The unit vector between their closest points then.
+    pub direction: Vec3A,
     /// The distance at which they may touch, at most, m.
     pub reach: f32,
     /// The greatest distance that they keep, m: half of the way from one to the other along the mesh.
@@ -243,7 +245,11 @@ impl Search {
             let wanted = (&candidates[..], *listed_margin, measured);
             let is_made = if self.built == 0 {
                 let numbers = (0..).zip(&*candidates);
-                let all = numbers.map(|(number, one)| NearPair { number, distance: one.distance });
+                let all = numbers.map(|(number, &Candidate { distance, direction, .. })| NearPair {
+                    number,
+                    distance,
+                    direction,
+                });
                 first.make((all, displacements, is_fresh), wanted)
             } else {
                 second.make((first.pairs.iter().copied(), &first.displacements, is_fresh), wanted)

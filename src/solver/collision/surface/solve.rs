@@ -15,15 +15,17 @@ use bevy::math::Vec3A;
 
 use super::contact::Contact;
 use super::pair::MIN_DISTANCE_PART;
+use super::supports::Supports;
 
 use super::super::response::{shortened, tangential};
 
 /// Number of iterations over the velocities, at most.
 const VELOCITY_ITERATIONS: usize = 12;
 
-/// Number of iterations over the positions; and of those, at most, while anything is nearer than the least distance, as where many
-/// layers are pressed together.
+/// Number of iterations over the positions, and over those of what lies on a half-space; and of those, at most, while anything is nearer
+/// than the least distance, as where many layers are pressed together.
 const POSITION_ITERATIONS: usize = 4;
+const SUPPORTED_ITERATIONS: usize = 12;
 const URGENT_ITERATIONS: usize = 32;
 
 /// The part of an older overlap that is removed in each substep where springs press: see `../pairs.rs`.
@@ -73,12 +75,17 @@ fn apply(
 }
 
 /// Finds the impulses. Velocities along resting contacts are ignored up to `tolerance`, m/s.
-pub(super) fn solve_velocities(contacts: &mut [Contact], bodies: &mut [Touching], tolerance: f32) {
+pub(super) fn solve_velocities(
+    contacts: &mut [Contact],
+    (bodies, supports): (&mut [Touching], &mut Supports),
+    tolerance: f32,
+) {
     for _ in 0..VELOCITY_ITERATIONS {
         let mut corrected = false;
         for contact in &mut *contacts {
             corrected |= correct_velocity(contact, bodies, tolerance);
         }
+        corrected |= supports.correct_velocities(bodies, tolerance);
         if !corrected {
             break;
         }
@@ -109,17 +116,19 @@ fn correct_velocity(contact: &mut Contact, bodies: &mut [Touching], tolerance: f
 }
 
 /// Parts what is nearer than it may be; static friction puts it back to where it stuck.
-pub(super) fn solve_positions(contacts: &mut [Contact], bodies: &mut [Touching]) {
+pub(super) fn solve_positions(contacts: &mut [Contact], bodies: &mut [Touching], supports: &mut Supports) {
+    let count = if supports.any() { SUPPORTED_ITERATIONS } else { POSITION_ITERATIONS };
     for contact in &mut *contacts {
         contact.overlap = if contact.sprung { kept_overlap(contact, bodies) } else { 0.0 };
     }
     for iteration in 0..URGENT_ITERATIONS {
-        let is_urgent_only = iteration >= POSITION_ITERATIONS;
+        let is_urgent_only = iteration >= count;
         let mut any_urgent = false;
         for contact in &mut *contacts {
             any_urgent |= separate(contact, bodies, is_urgent_only);
         }
-        if iteration + 1 >= POSITION_ITERATIONS && !any_urgent {
+        supports.correct_positions(bodies);
+        if iteration + 1 >= count && !any_urgent {
             break;
         }
     }
