@@ -113,11 +113,10 @@ pub(in crate::solver::collision) fn nearest_parameters([p, q]: [DVec3; 2], [r, s
     let first = if parallel { 0.5 } else { ((b * f - c * e) / denominator).clamp(0.0, 1.0) };
     let second = (b * first + f) / e;
     let second_inside = second.clamp(0.0, 1.0);
-    let first = if second_inside == second && !parallel {
-        first
-    } else {
-        ((b * second_inside - c) / a).clamp(0.0, 1.0)
-    };
+    if second_inside == second && !parallel {
+        return [first, second];
+    }
+    let first = ((b * second_inside - c) / a).clamp(0.0, 1.0);
     let second = ((b * first + f) / e).clamp(0.0, 1.0);
     [first, second]
 }

@@ -33,6 +33,7 @@ mod displacements;
 mod follow;
 mod force_velocities;
 mod grip;
+mod lanes;
 mod lists;
 mod near;
 mod pair;

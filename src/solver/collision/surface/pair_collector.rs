@@ -5,10 +5,11 @@ use std::ops::Range;
 use bevy::math::Vec3A;
 
 use super::closest::closest;
+use super::lanes::{ClusterPair, Lanes};
 use super::pair::{Kind, least_apart, rounding_of};
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
-use super::tree::{Box3, CLUSTER};
+use super::tree::{Box3, CLUSTER, MAX_CORNERS};
 use crate::solver::graph::Exclusions;
 
 use super::super::material::{ContactProperties, properties_of};
@@ -24,6 +25,8 @@ pub(super) struct PairQuery<'a> {
     pub limits: &'a [Vec<f32>; 2],
     /// Within a body and of bodies, m.
     pub margins: [f32; 2],
+    /// Filled for these limits.
+    pub lanes: &'a Lanes,
 }
 
 /// Lists the pairs of primitives with overlapping boxes.
@@ -32,15 +35,22 @@ pub(super) struct PairCollector<'a> {
     pub candidates: &'a mut Vec<Candidate>,
 }
 
-/// The boxes of all that has one, and whether pairs are within a body.
+/// The boxes in the world of what may meet balls.
 #[derive(Clone, Copy)]
 pub(super) struct Boxes<'b> {
-    pub nodes: &'b [Box3],
     /// By slot.
     pub vertices: &'b [Box3],
     pub edges: &'b [Box3],
     pub triangles: &'b [Box3],
-    pub is_within: bool,
+}
+
+/// The places of the bits that are set, in ascending order.
+fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = mask.trailing_zeros();
+        mask &= mask.wrapping_sub(1);
+        (place < u32::BITS).then_some(place as usize)
+    })
 }
 
 /// The numbers of the edges or the triangles of a cluster that overlap a box.
@@ -84,46 +94,53 @@ impl PairCollector<'_> {
     }
 
     /// Looks for pairs between two clusters, or within one.
-    pub fn test_clusters(&mut self, numbers: [u32; 2], boxes: Boxes, at: [u32; 2]) {
-        let forest = &self.query.primitives.forest;
+    pub fn test_clusters(&mut self, numbers: [u32; 2], is_within: bool) {
+        let PairQuery { primitives, moving, limits, margins, lanes, .. } = self.query;
+        let forest = &primitives.forest;
         let clusters = numbers.map(|number| &forest.clusters[number as usize]);
-        let nodes = at.map(|node| boxes.nodes[node as usize]);
         let is_same = numbers[0] == numbers[1];
+        let frame = usize::from(!is_within);
         let corners = clusters.map(|cluster| forest.corners_of(cluster));
-        let ways = self.query.primitives.near.between(corners[0], corners[1]);
+        let ways = primitives.near.between(corners[0], corners[1]);
         for side in 0..if is_same { 1 } else { 2 } {
-            let (own, other) = (clusters[side], clusters[1 - side]);
-            let triangles = Overlapping::of(&other.triangles, boxes.triangles, &nodes[side]);
-            for slot in &forest.vertices[own.vertices.start as usize..own.vertices.end as usize] {
-                let vertex = &boxes.vertices[*slot as usize];
-                if !vertex.overlaps(&nodes[1 - side]) {
-                    continue;
-                }
+            let [own, other] = [clusters[side], clusters[1 - side]];
+            if other.triangles.is_empty() {
+                continue;
+            }
+            let vertices = &forest.vertices[own.vertices.start as usize..own.vertices.end as usize];
+            let mut points = [([0.0; 3], 0.0); MAX_CORNERS];
+            for (point, slot) in points.iter_mut().zip(vertices) {
+                let slot = *slot as usize;
+                let reach = moving.particles.radius()[slot] + limits[frame][slot] + margins[frame];
+                *point = (moving.start.get(slot).to_array(), reach);
+            }
+            let of_other = (numbers[1 - side], other.triangles.len());
+            let masks = lanes.near_triangles(&points[..vertices.len()], of_other, frame);
+            for (slot, mask) in vertices.iter().zip(masks).filter(|(_, mask)| *mask != 0) {
                 let place = corners[side].partition_point(|corner| corner < slot) as u8;
-                for number in triangles.iter() {
-                    let triangle = &forest.triangles[number];
-                    if boxes.triangles[number].overlaps(vertex) && !triangle.corners.contains(slot) {
+                for number in bits(mask) {
+                    let triangle = &forest.triangles[other.triangles.start as usize + number];
+                    if !triangle.corners.contains(slot) {
                         let way = || match side {
                             0 => ways.least(&[place], &triangle.places),
                             _ => ways.least(&triangle.places, &[place]),
                         };
-                        self.add_vertex_face(*slot, triangle, (boxes.is_within, way));
+                        self.add_vertex_face(*slot, triangle, (is_within, way));
                     }
                 }
             }
         }
-        let others = Overlapping::of(&clusters[1].edges, boxes.edges, &nodes[0]);
-        for first in clusters[0].edges.clone().map(|number| number as usize) {
-            let (edge, own) = (&forest.edges[first], &boxes.edges[first]);
-            if !own.overlaps(&nodes[1]) {
-                continue;
-            }
-            for second in others.iter().filter(|second| !is_same || *second > first) {
-                let other = &forest.edges[second];
-                let is_near = boxes.edges[second].overlaps(own);
-                if is_near && !edge.corners[..2].iter().any(|corner| other.corners.contains(corner)) {
+        let margin = margins[frame];
+        let masks = lanes.near_edges(ClusterPair { clusters, numbers, frame, margin });
+        let starts = clusters.map(|cluster| cluster.edges.start as usize);
+        for (number, mask) in masks.into_iter().enumerate().filter(|(_, mask)| *mask != 0) {
+            let edge = &forest.edges[starts[0] + number];
+            let others = if is_same { mask & (!0 << number) & !(1 << number) } else { mask };
+            for second in bits(others) {
+                let other = &forest.edges[starts[1] + second];
+                if !edge.corners[..2].iter().any(|corner| other.corners.contains(corner)) {
                     let way = || ways.least(&edge.places[..2], &other.places[..2]);
-                    self.add_edges(edge, other, (boxes.is_within, way));
+                    self.add_edges(edge, other, (is_within, way));
                 }
             }
         }

@@ -9,6 +9,7 @@ use bevy::math::Vec3A;
 
 use super::crossing::Crossings;
 use super::displacements::{Displacements, Measured};
+use super::lanes::Lanes;
 use super::lists::{List, NearPair};
 use super::pair::Kind;
 use super::pair_collector::PairQuery;
@@ -78,6 +79,7 @@ pub(super) struct Search {
     /// The pairs that cross at the start of the substep.
     pub crossings: Crossings,
     walks: Walks,
+    lanes: Lanes,
     /// By body: see [`Measured`].
     frames: Vec<usize>,
     /// By body: how far it moves as a whole in the substep of the search, m.
@@ -196,9 +198,10 @@ impl Search {
     ) {
         (0..2).for_each(|frame| self.margins[frame] = self.margins[frame].max(margins[frame]));
         self.make_boxes(primitives, moving, within);
-        let Self { displacements, boxes, frames, candidates, margins, .. } = self;
-        let query =
-            PairQuery { primitives, moving, properties, limits: &displacements.limits, margins: *margins };
+        let Self { displacements, boxes, frames, candidates, margins, lanes, .. } = self;
+        let limits = &displacements.limits;
+        lanes.fill(primitives, moving, limits);
+        let query = PairQuery { primitives, moving, properties, limits, margins: *margins, lanes };
         self.is_overfull = !self.walks.find(query, boxes, (frames, &self.drifts), candidates);
         (self.is_good, self.age, self.built) = (!self.is_overfull, 0, 0);
     }

@@ -34,10 +34,11 @@ enum Task {
 /// Boxes and working memory.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Walks {
-    /// The boxes of nodes, edges and triangles, with their body and in the world.
+    /// The boxes of nodes, with their body and in the world.
     nodes: [Vec<Box3>; 2],
-    edges: [Vec<Box3>; 2],
-    triangles: [Vec<Box3>; 2],
+    /// In the world, where there are balls.
+    edges: Vec<Box3>,
+    triangles: Vec<Box3>,
     /// By body: its box, where it has been.
     pub body_boxes: Vec<Box3>,
     order: Vec<(f32, u32)>,
@@ -102,10 +103,10 @@ impl Walks {
         for (frame, boxes) in boxes.iter().enumerate() {
             self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
             forest.bodies.iter().for_each(|body| forest.fit(body, boxes, &mut self.nodes[frame]));
-            if frame == 0 || forest.bodies.len() + primitives.balls.len() > 1 {
-                fit_primitives(&forest.edges, boxes, &mut self.edges[frame]);
-                fit_primitives(&forest.triangles, boxes, &mut self.triangles[frame]);
-            }
+        }
+        if !primitives.balls.is_empty() {
+            fit_primitives(&forest.edges, &boxes[1], &mut self.edges);
+            fit_primitives(&forest.triangles, &boxes[1], &mut self.triangles);
         }
         self.body_boxes.clear();
         let roots = forest.bodies.iter().map(|body| self.nodes[1][body.nodes.start as usize]);
@@ -213,14 +214,8 @@ impl Walks {
 
     /// Does all tasks, and appends the pairs in their order.
     fn work(&mut self, (query, boxes, candidates): (PairQuery, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
-        let Self { nodes, edges, triangles, tasks, parts, .. } = self;
-        let [within, world] = [0, 1].map(|frame| Boxes {
-            nodes: &nodes[frame],
-            vertices: &boxes[frame],
-            edges: &edges[frame],
-            triangles: &triangles[frame],
-            is_within: frame == 0,
-        });
+        let Self { edges, triangles, tasks, parts, .. } = self;
+        let world = Boxes { vertices: &boxes[1], edges, triangles };
         let forest = &query.primitives.forest;
         let (most, count) = (most_of(forest), AtomicUsize::new(candidates.len()));
         let cluster = |node: u32| forest.nodes[node as usize].second;
@@ -238,11 +233,7 @@ impl Walks {
             for task in tasks {
                 match *task {
                     Task::Leaves { nodes, is_within } => {
-                        collector.test_clusters(
-                            nodes.map(cluster),
-                            if is_within { within } else { world },
-                            nodes,
-                        );
+                        collector.test_clusters(nodes.map(cluster), is_within);
                     }
                     Task::Ball { slot, node } => collector.test_ball(slot, cluster(node), world),
                 }
