@@ -239,7 +239,10 @@ impl ContactCaches {
     }
 
     /// The half-spaces at the end of a substep, but for sensors, with the layers that they meet.
-    pub fn half_spaces<'a>(&'a self, substep: Substep<'a>) -> impl Iterator<Item = (Surface, Layers)> + 'a {
+    pub(super) fn half_spaces<'a>(
+        &'a self,
+        substep: Substep<'a>,
+    ) -> impl Iterator<Item = (Surface, Layers)> + 'a {
         let Substep { colliders, settings, elapsed, .. } = substep;
         let all = self.placed.planes.iter().map(move |number| &colliders[*number as usize]);
         all.filter(move |collider| settings.collide_with_colliders && !collider.is_sensor)
