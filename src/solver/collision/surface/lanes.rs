@@ -2,6 +2,8 @@
 //!
 //! The test is [`least_apart`](super::pair::least_apart): along the line of their centres.
 
+use bevy::math::Vec3A;
+
 use super::primitives::{Primitive, Primitives};
 use super::search::Moving;
 use super::tree::{CLUSTER, Cluster};
@@ -85,7 +87,7 @@ impl Lanes {
         self.triangles.resize(forest.clusters.len() * TRIANGLES);
         let radius = moving.particles.radius();
         let corners = |primitive: &Primitive| {
-            primitive.corners.map(|corner| bevy::math::Vec3A::from(moving.start.get(corner as usize)))
+            primitive.corners.map(|corner| Vec3A::from(moving.start.get(corner as usize)))
         };
         let reaches = |primitive: &Primitive, size: f32| {
             let largest =
@@ -242,5 +244,102 @@ impl pulp::WithSimd for NearTriangles<'_> {
             }
             *mask = mask_of(&excess);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Vec3;
+
+    use super::super::closest::closest;
+    use super::super::pair::Kind;
+    use super::super::tree::Forest;
+    use super::*;
+    use crate::solver::particles::Particles;
+
+    /// The largest numbers of edges, triangles and vertices of a cluster.
+    const COUNTS: [u32; 3] = [3 * CLUSTER as u32, CLUSTER as u32, 8];
+
+    /// Two clusters of primitives with random corners, `reach` m about a point.
+    #[expect(clippy::field_reassign_with_default, reason = "the others are private")]
+    fn random(at: Vec3, reach: f32) -> (Primitives, Particles) {
+        let (mut particles, mut forest) = (Particles::default(), Forest::default());
+        let mut seed = 1_u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / (1_u32 << 23) as f32 - 1.0
+        };
+        let mut corner = |centre: Vec3| {
+            particles.push(centre + reach * Vec3::new(random(), random(), random()), Vec3::ZERO, 1.0, 0.1);
+            particles.len() as u32 - 1
+        };
+        for number in 0..2 {
+            let centre = at + Vec3::X * reach * number as f32;
+            forest.clusters.push(Cluster {
+                edges: number * COUNTS[0]..(number + 1) * COUNTS[0],
+                triangles: number * COUNTS[1]..(number + 1) * COUNTS[1],
+                vertices: number * COUNTS[2]..(number + 1) * COUNTS[2],
+                ..Cluster::default()
+            });
+            for _ in 0..COUNTS[0] {
+                let [a, b] = [corner(centre), corner(centre)];
+                forest.edges.push(Primitive { corners: [a, b, b], ..Primitive::default() });
+            }
+            for _ in 0..COUNTS[1] {
+                let corners = [corner(centre), corner(centre), corner(centre)];
+                forest.triangles.push(Primitive { corners, ..Primitive::default() });
+            }
+            forest.vertices.extend((0..COUNTS[2]).map(|_| corner(centre)));
+        }
+        let mut primitives = Primitives::default();
+        primitives.forest = forest;
+        (primitives, particles)
+    }
+
+    #[test]
+    fn what_may_touch_is_never_taken_for_far() {
+        let (mut near, mut far) = (0, 0);
+        for (at, reach) in [(Vec3::ZERO, 1.0), (Vec3::new(300.0, -20.0, 5.0), 1.0), (Vec3::ONE, 1e-3)] {
+            let (primitives, particles) = random(at, reach);
+            let limits = [vec![0.05 * reach; particles.len()], vec![0.02 * reach; particles.len()]];
+            let (start, forest) = (&particles.position, &primitives.forest);
+            let mut lanes = Lanes::default();
+            lanes.fill(&primitives, Moving { start, end: start, particles: &particles }, &limits);
+            let place = |slot: u32| Vec3A::from(start.get(slot as usize));
+            for (frame, limit) in [(0, 0.05 * reach), (1, 0.02 * reach)] {
+                let margin = 0.03 * reach - 0.2;
+                let most = 0.2 + 2.0 * limit + margin;
+                let mut check = |bit: u32, distance: f32, pair: &str| {
+                    assert!(bit == 1 || distance > most, "{pair} at {at}: {distance} m of {most}");
+                    (near, far) = (near + bit, far + (1 - bit));
+                };
+                let clusters = [&forest.clusters[0], &forest.clusters[1]];
+                let masks = lanes.near_edges(ClusterPair { clusters, numbers: [0, 1], frame, margin });
+                for (number, mask) in masks.into_iter().enumerate().take(COUNTS[0] as usize) {
+                    assert_eq!(mask >> COUNTS[0], 0);
+                    for other in 0..COUNTS[0] {
+                        let [a, b, _] = forest.edges[number].corners;
+                        let [c, d, _] = forest.edges[(COUNTS[0] + other) as usize].corners;
+                        let found = closest(Kind::EdgeEdge, &[a, b, c, d].map(place));
+                        check(mask >> other & 1, found.apart.length(), "edges");
+                    }
+                }
+                let vertices = &forest.vertices[..COUNTS[2] as usize];
+                let points: Vec<([f32; 3], f32)> = vertices
+                    .iter()
+                    .map(|slot| (start.get(*slot as usize).to_array(), 0.1 + limit + margin))
+                    .collect();
+                let masks = lanes.near_triangles(&points, (1, COUNTS[1] as usize), frame);
+                for (slot, mask) in vertices.iter().zip(masks) {
+                    assert_eq!(mask >> COUNTS[1], 0);
+                    for other in 0..COUNTS[1] {
+                        let [a, b, c] = forest.triangles[(COUNTS[1] + other) as usize].corners;
+                        let found = closest(Kind::VertexFace, &[*slot, a, b, c].map(place));
+                        check(mask >> other & 1, found.apart.length(), "vertex and face");
+                    }
+                }
+            }
+        }
+        assert!(near > 100 && far > 100, "{near} and {far}");
     }
 }
