@@ -107,8 +107,8 @@ fn shipped_scenes_load_and_round_trip() {
     let files = shipped_scenes();
     let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap().to_str().unwrap()).collect();
     let expected = [
-        "balloon", "bounce", "chain", "drape", "drum", "flag", "jelly", "net", "pendulum", "pile", "rod",
-        "rope", "tear",
+        "balloon", "bounce", "chain", "crossed", "drape", "drum", "flag", "jelly", "net", "pendulum", "pile",
+        "rod", "rope", "tear",
     ];
     assert_eq!(names, expected.map(|name| format!("{name}.scene.ron")));
     for file in files {
