@@ -78,3 +78,9 @@ fn a_cloth_wraps_round_a_ball_that_turns_without_a_crossing() {
         wrap(integrator, 20, 1.75, 1);
     }
 }
+
+#[test]
+#[ignore = "takes minutes in release"]
+fn a_cloth_of_ten_thousand_particles_wraps_round_a_ball_that_turns_without_a_crossing() {
+    wrap(Integrator::Xpbd, 100, 10.0, 20);
+}

@@ -140,6 +140,12 @@ fn a_curtain_a_cape_and_a_flag_fall_in_a_heap_without_a_crossing() {
     nets_fall_in_a_heap(Integrator::Xpbd, 16, 180, 4);
 }
 
+#[test]
+#[ignore = "takes minutes in release"]
+fn nets_of_ten_thousand_particles_fall_in_a_heap_without_a_crossing() {
+    nets_fall_in_a_heap(Integrator::Xpbd, 57, 240, 20);
+}
+
 /// A tube whose ends turn against each other.
 fn twist(integrator: Integrator, size: [u32; 2], turns: f32, seconds: f32, looks: u32) {
     let [around, along] = size;
