@@ -9,7 +9,7 @@ use super::widgets::{Scale, TEXT_SIZE, field, parameter, row, slider};
 use crate::collider::{CollisionSettings, ParticleCollider};
 use crate::environment::{Environment, Gusts};
 use crate::particle::{Particle, Pinned};
-use crate::settings::{Integrator, SolverSettings, SubstepMode};
+use crate::settings::{Integrator, SleepSettings, SolverSettings, SubstepMode};
 use crate::spring::Spring;
 
 /// Gravity, viscosity, and the air; `calmed` are the gusts that were switched off last.
@@ -118,10 +118,11 @@ fn copy_if_edited<C: Component<Mutability = bevy::ecs::component::Mutable>>(
     }
 }
 
-/// Scheme, substeps and time step.
+/// Scheme, substeps, time step, and whether what rests sleeps.
 pub(super) fn draw_integration(
     mut ui: InMut<Ui>,
     mut settings: ResMut<SolverSettings>,
+    mut sleep: ResMut<SleepSettings>,
     mut time: ResMut<Time<Fixed>>,
 ) {
     let mut edited = *settings;
@@ -142,6 +143,12 @@ pub(super) fn draw_integration(
     if milliseconds != shown {
         time.set_timestep(Duration::from_secs_f32((milliseconds * 1e-3).min(1.0)));
     }
+
+    let mut edited = *sleep;
+    row(&mut ui, "sleep", |ui| {
+        ui.checkbox(&mut edited.enabled, "of what rests");
+    });
+    sleep.set_if_neq(edited);
 }
 
 fn draw_scheme(ui: &mut Ui, integrator: &mut Integrator) {
@@ -180,6 +187,8 @@ pub(super) fn draw_collisions(
             parameter(ui, "restitution", "", &mut edited.restitution, 0.0..=1.0, Scale::Linear);
             parameter(ui, "friction", "", &mut edited.friction, 0.0..=2.0, Scale::Linear);
         });
+        ui.checkbox(&mut edited.springs, "springs along their length")
+            .on_hover_text("those that belong to no net");
     });
     settings.set_if_neq(edited);
 }
