@@ -218,7 +218,7 @@ fn a_twisted_tube_does_not_cross_itself() {
 }
 
 #[test]
-#[ignore = "takes more than ten minutes in release"]
+#[ignore = "takes a quarter of an hour in release"]
 fn a_tube_of_ten_thousand_particles_twisted_by_five_turns_does_not_cross_itself() {
     twist(Integrator::Xpbd, [100, 100], 5.0, 5.0, 20);
 }
