@@ -31,7 +31,6 @@ fn resolve_surfaces(
     (substep, evaluated): (Substep, Option<Evaluated>),
     records: Option<&mut Vec<ContactRecord>>,
 ) -> bool {
-    surfaces.begin_contacts(memory, particles);
     let any = surfaces.resolve(memory, particles, (substep, evaluated), contacts, records);
     if any {
         contacts.put_onto_half_spaces(|visit| surfaces.for_each_touching(visit), particles, substep);

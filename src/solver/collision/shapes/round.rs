@@ -14,11 +14,11 @@ use super::{Kind, Shape};
 type Found = ([f64; 3], f64);
 
 impl Shape {
-    /// The segment along y of which all is within a radius: its half length and that radius, m; `None` of what is not round.
-    fn core(&self) -> Option<[f64; 2]> {
+    /// The half length of the segment along y of which all is within a radius, m; `None` of what is not round.
+    fn core(&self) -> Option<f64> {
         match self.0 {
-            Kind::Ball { radius } => Some([0.0, radius]),
-            Kind::Capsule { radius, half_length } => Some([half_length, radius]),
+            Kind::Ball { .. } => Some(0.0),
+            Kind::Capsule { half_length, .. } => Some(half_length),
             _ => None,
         }
     }
@@ -30,7 +30,7 @@ impl Shape {
         radii: [f64; 2],
         within: f64,
     ) -> Option<Result<Deepest, f64>> {
-        let [half_length, _] = self.core().filter(|_| radii[0] == radii[1])?;
+        let half_length = self.core().filter(|_| radii[0] == radii[1])?;
         let axis = DVec3::Y * half_length;
         let [part, _] = triangle::nearest_parameters(ends, [-axis, axis]);
         let weights = [1.0 - part, part, 0.0];
@@ -49,16 +49,17 @@ impl Shape {
         within: f64,
     ) -> Option<Result<Deepest, f64>> {
         let is_even = radii[0] == radii[1] && radii[0] == radii[2];
-        let [half_length, radius] = self.core().filter(|_| is_even)?;
-        let (weights, on) = match half_length > 0.0 {
-            false => triangle::nearest(DVec3::ZERO, corners),
-            true => nearest_to_segment(corners, DVec3::Y * half_length)?,
+        let half_length = self.core().filter(|_| is_even)?;
+        let (weights, is_face) = if half_length > 0.0 {
+            nearest_to_segment(corners, DVec3::Y * half_length)?
+        } else {
+            let (weights, on) = triangle::nearest(DVec3::ZERO, corners);
+            (weights, on == Feature::Face)
         };
         let point = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
         let nearest = self.nearest(point, 0.0);
         let gap = nearest.distance - radii[0];
-        debug_assert!(gap.is_nan() || gap >= -radius - radii[0] - ACCURACY);
-        let is_inner = on == Feature::Face && weights.iter().all(|weight| *weight > MIN_WEIGHT);
+        let is_inner = is_face && weights.iter().all(|weight| *weight > MIN_WEIGHT);
         Some(if is_inner && gap <= within {
             Ok(Deepest { weights, gap, nearest })
         } else {
@@ -69,7 +70,7 @@ impl Shape {
 
 /// The point of a triangle that is next to the segment from −`axis` to `axis`, and whether it is within the edges; `None` where the
 /// segment passes through it.
-fn nearest_to_segment(corners: [DVec3; 3], axis: DVec3) -> Option<([f64; 3], Feature)> {
+fn nearest_to_segment(corners: [DVec3; 3], axis: DVec3) -> Option<([f64; 3], bool)> {
     if triangle::crossing(-axis, axis, corners).is_some() {
         return None;
     }
@@ -97,11 +98,8 @@ fn nearest_to_segment(corners: [DVec3; 3], axis: DVec3) -> Option<([f64; 3], Fea
         false => second,
     };
     // Where an edge is as near, that has the contact.
-    let (found, on) = match inner.1 < edge.1 - ACCURACY {
-        true => (inner, Feature::Face),
-        false => (edge, Feature::Edge(0)),
-    };
-    Some((found.0, on))
+    let is_face = inner.1 < edge.1 - ACCURACY;
+    Some((if is_face { inner.0 } else { edge.0 }, is_face))
 }
 
 #[cfg(test)]

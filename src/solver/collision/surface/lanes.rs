@@ -4,6 +4,7 @@
 
 use bevy::math::Vec3A;
 
+use super::pair::DISTANCE_ROUNDING;
 use super::primitives::{Primitive, Primitives};
 use super::search::Moving;
 use super::tree::{CLUSTER, Cluster};
@@ -13,9 +14,6 @@ const EDGES: usize = 4 * CLUSTER;
 
 /// The same of triangles.
 const TRIANGLES: usize = 2 * CLUSTER;
-
-/// Rounding, as a part of a coordinate.
-const ROUNDING: f32 = 2e-6;
 
 /// Numbers by primitive, as many for each cluster.
 #[derive(Debug, Clone)]
@@ -92,7 +90,7 @@ impl Lanes {
         let reaches = |primitive: &Primitive, size: f32| {
             let largest =
                 |of: &[f32]| primitive.corners.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max);
-            [0, 1].map(|frame: usize| largest(radius) + largest(&limits[frame]) + ROUNDING * size)
+            [0, 1].map(|frame: usize| largest(radius) + largest(&limits[frame]) + DISTANCE_ROUNDING * size)
         };
         for (number, cluster) in forest.clusters.iter().enumerate() {
             let edges = &forest.edges[cluster.edges.start as usize..cluster.edges.end as usize];
@@ -261,7 +259,6 @@ mod tests {
     const COUNTS: [u32; 3] = [3 * CLUSTER as u32, CLUSTER as u32, 8];
 
     /// Two clusters of primitives with random corners, `reach` m about a point.
-    #[expect(clippy::field_reassign_with_default, reason = "the others are private")]
     fn random(at: Vec3, reach: f32) -> (Primitives, Particles) {
         let (mut particles, mut forest) = (Particles::default(), Forest::default());
         let mut seed = 1_u32;

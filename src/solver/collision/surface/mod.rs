@@ -194,13 +194,6 @@ impl Surfaces {
         self.advance.stopped().iter().for_each(|slot| visit(*slot as usize));
     }
 
-    /// To be called before the contacts of a substep are solved for the first time.
-    pub fn begin_contacts(&mut self, memory: &mut ContactMemory, particles: &Particles) {
-        if self.is_active {
-            self.grips.take(&mut memory.grips, particles.len());
-        }
-    }
-
     /// Solves the contacts at the end of a substep, and appends them to `records`; whether there are any. Those of particles that
     /// are all in islands of an implicit step, which has them, are left out.
     pub fn resolve(
@@ -213,6 +206,9 @@ impl Surfaces {
     ) -> bool {
         self.contacts.clear();
         self.bodies.clear();
+        if self.is_active {
+            self.grips.take(&mut memory.grips, particles.len());
+        }
         memory.grips.clear();
         let Substep { settings, integrator, duration, acceleration, properties, .. } = substep;
         let is_implicit = others.implicit();

@@ -36,7 +36,7 @@ pub(super) const MIN_DISTANCE_PART: f32 = 0.1;
 pub(super) const CLOSE_PART: f32 = 0.25;
 
 /// Rounding of distances and displacements, as a part of a coordinate.
-const DISTANCE_ROUNDING: f32 = 2e-6;
+pub(super) const DISTANCE_ROUNDING: f32 = 2e-6;
 
 /// Number of steps of a conservative advancement, at most.
 const MAX_STEPS: u32 = 256;

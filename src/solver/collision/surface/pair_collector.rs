@@ -1,6 +1,4 @@
-//! Lists the primitives of clusters with overlapping boxes.
-
-use std::ops::Range;
+//! Lists the pairs of primitives of two clusters that may touch.
 
 use bevy::math::Vec3A;
 
@@ -9,7 +7,7 @@ use super::lanes::{ClusterPair, Lanes};
 use super::pair::{Kind, least_apart, rounding_of};
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
-use super::tree::{Box3, CLUSTER, MAX_CORNERS};
+use super::tree::{Box3, MAX_CORNERS};
 use crate::solver::graph::Exclusions;
 
 use super::super::material::{ContactProperties, properties_of};
@@ -29,19 +27,10 @@ pub(super) struct PairQuery<'a> {
     pub lanes: &'a Lanes,
 }
 
-/// Lists the pairs of primitives with overlapping boxes.
+/// Lists the pairs of primitives that may touch before a vertex passes its limit.
 pub(super) struct PairCollector<'a> {
     pub query: PairQuery<'a>,
     pub candidates: &'a mut Vec<Candidate>,
-}
-
-/// The boxes in the world of what may meet balls.
-#[derive(Clone, Copy)]
-pub(super) struct Boxes<'b> {
-    /// By slot.
-    pub vertices: &'b [Box3],
-    pub edges: &'b [Box3],
-    pub triangles: &'b [Box3],
 }
 
 /// The places of the bits that are set, in ascending order.
@@ -53,43 +42,25 @@ fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The numbers of the edges or the triangles of a cluster that overlap a box.
-struct Overlapping {
-    numbers: [u32; 3 * CLUSTER],
-    count: usize,
-}
-
-impl Overlapping {
-    fn of(range: &Range<u32>, boxes: &[Box3], limit: &Box3) -> Self {
-        let (mut numbers, mut count) = ([0; 3 * CLUSTER], 0);
-        for number in range.clone().filter(|number| boxes[*number as usize].overlaps(limit)) {
-            numbers[count] = number;
-            count += 1;
-        }
-        Self { numbers, count }
-    }
-
-    fn iter(&self) -> impl Iterator<Item = usize> {
-        self.numbers[..self.count].iter().map(|number| *number as usize)
-    }
-}
-
 impl PairCollector<'_> {
-    /// Looks for pairs of a ball with what is in a cluster.
-    pub fn test_ball(&mut self, slot: u32, number: u32, boxes: Boxes) {
-        let (own, forest) = (boxes.vertices[slot as usize], &self.query.primitives.forest);
-        let (cluster, near) = (&forest.clusters[number as usize], &self.query.primitives.near);
-        for number in Overlapping::of(&cluster.triangles, boxes.triangles, &own).iter() {
-            let triangle = &forest.triangles[number];
+    /// Looks for pairs of a ball with what is in a cluster. By slot, `boxes` are those of vertices in the world.
+    pub fn test_ball(&mut self, slot: u32, number: u32, boxes: &[Box3]) {
+        let Primitives { forest, near, .. } = self.query.primitives;
+        let cluster = &forest.clusters[number as usize];
+        let own = boxes[slot as usize];
+        let is_near = |primitive: &&Primitive| {
+            let [a, b, c] = primitive.corners.map(|corner| boxes[corner as usize]);
+            a.union(b).union(c).overlaps(&own)
+        };
+        let triangles = &forest.triangles[cluster.triangles.start as usize..cluster.triangles.end as usize];
+        for triangle in triangles.iter().filter(is_near) {
             self.add_vertex_face(slot, triangle, (false, || near.way(&[slot], &triangle.corners)));
         }
-        for number in Overlapping::of(&cluster.edges, boxes.edges, &own).iter() {
-            let edge = &forest.edges[number];
-            if edge.marks & owns::FACE == 0 {
-                let [a, b, _] = edge.corners;
-                let way = || near.way(&[slot], &[a, b]);
-                self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], (false, way));
-            }
+        let edges = &forest.edges[cluster.edges.start as usize..cluster.edges.end as usize];
+        for edge in edges.iter().filter(|edge| edge.marks & owns::FACE == 0).filter(is_near) {
+            let [a, b, _] = edge.corners;
+            let way = || near.way(&[slot], &[a, b]);
+            self.add([slot, a, b, b], Kind::VertexEdge, [0, edge.marks], (false, way));
         }
     }
 
@@ -135,7 +106,7 @@ impl PairCollector<'_> {
         let starts = clusters.map(|cluster| cluster.edges.start as usize);
         for (number, mask) in masks.into_iter().enumerate().filter(|(_, mask)| *mask != 0) {
             let edge = &forest.edges[starts[0] + number];
-            let others = if is_same { mask & (!0 << number) & !(1 << number) } else { mask };
+            let others = if is_same { mask & (!1 << number) } else { mask };
             for second in bits(others) {
                 let other = &forest.edges[starts[1] + second];
                 if !edge.corners[..2].iter().any(|corner| other.corners.contains(corner)) {

@@ -240,15 +240,6 @@ impl Forest {
     }
 }
 
-/// The boxes of primitives, to those of their vertices, by slot.
-pub(super) fn fit_primitives(primitives: &[Primitive], vertex: &[Box3], boxes: &mut Vec<Box3>) {
-    boxes.clear();
-    boxes.extend(primitives.iter().map(|primitive| {
-        let [a, b, c] = primitive.corners.map(|corner| vertex[corner as usize]);
-        a.union(b).union(c)
-    }));
-}
-
 /// Slots in ranges, in ascending order.
 fn runs_of(slots: &[u32]) -> Vec<Range<u32>> {
     let mut slots = slots.to_vec();

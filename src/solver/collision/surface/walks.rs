@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bevy::math::Vec3A;
 
-use super::pair_collector::{Boxes, PairCollector, PairQuery, is_one_family};
+use super::pair_collector::{PairCollector, PairQuery, is_one_family};
 use super::search::Candidate;
 use super::spread::enlarged;
-use super::tree::{Box3, Forest, fit_primitives};
+use super::tree::{Box3, Forest};
 use crate::solver::parallel;
 
 /// Greatest number of pairs: for each primitive, and beside that. Bodies that are put into each other have more.
@@ -36,9 +36,6 @@ enum Task {
 pub(super) struct Walks {
     /// The boxes of nodes, with their body and in the world.
     nodes: [Vec<Box3>; 2],
-    /// In the world, where there are balls.
-    edges: Vec<Box3>,
-    triangles: Vec<Box3>,
     /// By body: its box, where it has been.
     pub body_boxes: Vec<Box3>,
     order: Vec<(f32, u32)>,
@@ -103,10 +100,6 @@ impl Walks {
         for (frame, boxes) in boxes.iter().enumerate() {
             self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
             forest.bodies.iter().for_each(|body| forest.fit(body, boxes, &mut self.nodes[frame]));
-        }
-        if !primitives.balls.is_empty() {
-            fit_primitives(&forest.edges, &boxes[1], &mut self.edges);
-            fit_primitives(&forest.triangles, &boxes[1], &mut self.triangles);
         }
         self.body_boxes.clear();
         let roots = forest.bodies.iter().map(|body| self.nodes[1][body.nodes.start as usize]);
@@ -214,8 +207,7 @@ impl Walks {
 
     /// Does all tasks, and appends the pairs in their order.
     fn work(&mut self, (query, boxes, candidates): (PairQuery, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
-        let Self { edges, triangles, tasks, parts, .. } = self;
-        let world = Boxes { vertices: &boxes[1], edges, triangles };
+        let Self { tasks, parts, .. } = self;
         let forest = &query.primitives.forest;
         let (most, count) = (most_of(forest), AtomicUsize::new(candidates.len()));
         let cluster = |node: u32| forest.nodes[node as usize].second;
@@ -235,7 +227,7 @@ impl Walks {
                     Task::Leaves { nodes, is_within } => {
                         collector.test_clusters(nodes.map(cluster), is_within);
                     }
-                    Task::Ball { slot, node } => collector.test_ball(slot, cluster(node), world),
+                    Task::Ball { slot, node } => collector.test_ball(slot, cluster(node), &boxes[1]),
                 }
             }
             count.fetch_add(collector.candidates.len(), Ordering::Relaxed);
