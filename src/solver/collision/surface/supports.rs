@@ -17,6 +17,7 @@ struct Support {
     body: u32,
     /// The place of the half-space.
     plane: u32,
+    /// m.
     radius: f32,
     /// Coefficient of Coulomb friction.
     coefficient: f32,
@@ -26,6 +27,7 @@ struct Support {
     touches: bool,
     /// N·s, beyond that of its own contact.
     impulse: f32,
+    /// N·s.
     friction: Vec3A,
     /// By how much it was lifted in this substep, m, >= 0.
     lifted: f32,
