@@ -1,10 +1,13 @@
 //! Scenes that move and change while they run, in the same way in each app.
 
+mod nets;
+
 use bevy::ecs::entity::MapEntities;
 use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 
 use crate::common::{self, app, join, run, scheme, spawn, spawn_pinned, spawn_rope};
+use crate::nets_sync::shapes::net_bits;
 
 /// What is spawned, and what happens to it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,10 +26,12 @@ pub enum Scene {
     Leavers,
     /// A soft and a stiff rope on one anchor, above balls: `Auto` runs two schemes.
     TwoSchemes,
+    /// Nets with winch, tear, ties and bends on colliders.
+    Nets,
 }
 
 impl Scene {
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Ropes,
         Self::Parent,
         Self::Pile,
@@ -34,6 +39,7 @@ impl Scene {
         Self::Joiners,
         Self::Leavers,
         Self::TwoSchemes,
+        Self::Nets,
     ];
 
     /// The tick from which on nothing is spawned or despawned any more.
@@ -56,6 +62,8 @@ pub struct Names {
     planes: Vec<Entity>,
     #[entities]
     parent: Option<Entity>,
+    #[entities]
+    nets: Vec<Entity>,
 }
 
 /// A scene in an app.
@@ -113,6 +121,7 @@ impl Stage {
                 self.app.world_mut().entity_mut(last).insert(Pinned);
             }
             Scene::Parent => self.family(),
+            Scene::Nets => self.nets(),
             Scene::Pile => self.pile(30),
             Scene::PileWithSprings | Scene::Joiners | Scene::Leavers => {
                 self.pile(16);
@@ -262,7 +271,8 @@ impl Stage {
     }
 
     pub fn bits(&self) -> Bits {
-        self.names.particles.iter().map(|particle| common::bits(&self.app, *particle)).collect()
+        let loose = self.names.particles.iter().map(|particle| common::bits(&self.app, *particle));
+        loose.chain(self.names.nets.iter().flat_map(|net| net_bits(&self.app, *net))).collect()
     }
 
     /// What the next `ticks` bring.

@@ -20,12 +20,14 @@ use crate::solver::particles::Vectors;
 /// Spheres tested together.
 const LANES: usize = 4;
 
-/// Greatest number of listed partners of a sphere that are of its own size or larger: the densest packing of spheres that do
-/// not overlap has about half as many within thick skins. A sphere that reaches this number is *crowded*: the pairs of
-/// n spheres that all overlap are n²/2.
-const MAX_PARTNERS: usize = 64;
+/// Greatest number of listed partners of a sphere in a crowd that are of its own size or larger: the densest packing of spheres
+/// that do not overlap has about half as many within thick skins. (The pairs of n spheres that all overlap are n²/2.)
+pub(super) const MAX_PARTNERS: usize = 64;
 
-/// Number of them that a crowded one keeps: enough to come apart, and few enough to be solved.
+/// Each time that so many more have been listed, it is asked whether the sphere is in a crowd.
+const CHECKED_PARTNERS: usize = 16;
+
+/// Number of them that one in a crowd keeps: enough to come apart, and few enough to be solved.
 const CROWDED_PARTNERS: usize = 10;
 
 /// Number of smaller partners that a sphere finds, at most.
@@ -88,12 +90,15 @@ const LATER_ROWS: [(i32, i32); 4] = [(1, -1), (1, 0), (1, 1), (0, 1)];
 
 impl Grid {
     /// Lists in `pairs` each pair of overlapping spheres once, in no particular but always the same order:
-    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0). Of crowded ones that are limited only
-    /// the first few partners are listed: the list is never longer than some number for each of them.
+    /// those of slots that `may_collide`. Spheres are (slot, center, reach > 0). Of one that `is_crowded` by the pairs that are listed so far
+    /// only the first few are kept.
     pub fn find_pairs(
         &mut self,
         spheres: impl Iterator<Item = (u32, Vec3, f32)>,
-        (may_collide, is_limited): (impl Fn(u32, u32) -> bool + Sync, impl Fn(u32) -> bool + Sync),
+        (may_collide, is_crowded): (
+            impl Fn(u32, u32) -> bool + Sync,
+            impl Fn(u32, &[(u32, u32)]) -> bool + Sync,
+        ),
         pairs: &mut Vec<(u32, u32)>,
     ) {
         self.unsorted.clear();
@@ -101,7 +106,7 @@ impl Grid {
             (Sphere { center, reach }, Label { slot, class: 0, cell: IVec3::ZERO })
         }));
         if self.unsorted.len() <= MAX_TESTED_AGAINST_ALL {
-            self.find_few(may_collide, is_limited, pairs);
+            self.find_few(may_collide, is_crowded, pairs);
             return;
         }
         self.sort();
@@ -113,7 +118,7 @@ impl Grid {
         parallel::for_each(found.iter_mut().enumerate(), parallel, |(part, found)| {
             found.clear();
             for index in part * SPHERES_PER_PART..count.min((part + 1) * SPHERES_PER_PART) {
-                self.search(index, (&may_collide, &is_limited), found);
+                self.search(index, (&may_collide, &is_crowded), found);
             }
         });
         pairs.clear();
@@ -125,40 +130,40 @@ impl Grid {
     fn search(
         &self,
         index: usize,
-        (may_collide, is_limited): (impl Fn(u32, u32) -> bool, impl Fn(u32) -> bool),
+        (may_collide, is_crowded): (impl Fn(u32, u32) -> bool, impl Fn(u32, &[(u32, u32)]) -> bool),
         found: &mut Vec<(u32, u32)>,
     ) {
         let Label { slot, class, cell } = self.labels[index];
-        let is_limited = is_limited(slot);
-        let first = found.len();
-        let list = |found: &mut Vec<(u32, u32)>, limit: usize, a: u32, b: u32| {
-            if may_collide(a, b) {
-                found.push((a, b));
+        let list = |found: &mut Vec<(u32, u32)>, (first, checked): (usize, usize), a: u32, b: u32| {
+            if !may_collide(a, b) {
+                return ControlFlow::Continue(());
             }
-            if !is_limited || found.len() < first + limit {
-                ControlFlow::Continue(())
-            } else {
-                ControlFlow::Break(())
+            found.push((a, b));
+            let listed = &found[first..];
+            match listed.len() % checked == 0 && is_crowded(slot, listed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
             }
         };
-        let is_crowded = {
-            let mut add = |a, b| list(found, MAX_PARTNERS, a, b);
+        let first = found.len();
+        let in_crowd = {
+            let mut add = |a, b| list(found, (first, CHECKED_PARTNERS), a, b);
             let rows = || LATER_ROWS.map(|(y, z)| cell.wrapping_add(IVec3::new(-1, y, z)));
             self.visit(index, Row { class, cell, count: 2 }, Some(index + 1), &mut add).is_break()
                 || rows()
                     .into_iter()
                     .any(|cell| self.visit(index, Row { class, cell, count: 3 }, None, &mut add).is_break())
         };
-        if is_crowded {
+        if in_crowd {
             found.truncate(first + CROWDED_PARTNERS);
         }
         for search in self.searches.iter().filter(|search| search.from == class) {
             let is_smaller = self.cell_sizes[search.to as usize] < self.cell_sizes[class as usize];
-            let start = found.len() - first;
-            let limit = start + if is_smaller { MAX_SMALLER_PARTNERS } else { MAX_PARTNERS };
-            let mut add = |a, b| list(found, limit, a, b);
+            let first = found.len();
+            let checked = if is_smaller { MAX_SMALLER_PARTNERS } else { CHECKED_PARTNERS };
+            let mut add = |a, b| list(found, (first, checked), a, b);
             if self.search_class(index, *search, &mut add).is_break() && !is_smaller {
-                found.truncate(first + start + CROWDED_PARTNERS);
+                found.truncate(first + CROWDED_PARTNERS);
             }
         }
     }
@@ -182,7 +187,7 @@ impl Grid {
     fn find_few(
         &mut self,
         may_collide: impl Fn(u32, u32) -> bool,
-        is_limited: impl Fn(u32) -> bool,
+        is_crowded: impl Fn(u32, &[(u32, u32)]) -> bool,
         pairs: &mut Vec<(u32, u32)>,
     ) {
         pairs.clear();
@@ -194,14 +199,16 @@ impl Grid {
             if one != last {
                 (last, before) = (one, pairs.len());
             }
-            if may_collide(a, b) {
-                pairs.push((a, b));
+            if !may_collide(a, b) {
+                return true;
             }
-            let is_crowded = pairs.len() >= before + MAX_PARTNERS && is_limited(a);
-            if is_crowded {
+            pairs.push((a, b));
+            let listed = &pairs[before..];
+            let in_crowd = listed.len() % CHECKED_PARTNERS == 0 && is_crowded(a, listed);
+            if in_crowd {
                 pairs.truncate(before + CROWDED_PARTNERS);
             }
-            !is_crowded
+            !in_crowd
         });
     }
 
@@ -341,7 +348,11 @@ mod tests {
         let mut pairs = Vec::new();
         let numbered =
             spheres.iter().enumerate().map(|(slot, (center, reach))| (slot as u32, *center, *reach));
-        Grid::default().find_pairs(numbered, (|_, _| true, |_| true), &mut pairs);
+        Grid::default().find_pairs(
+            numbered,
+            (|_, _| true, |_, listed| listed.len() >= MAX_PARTNERS),
+            &mut pairs,
+        );
         for (a, b) in &mut pairs {
             (*a, *b) = (*a.min(b), *a.max(b));
         }

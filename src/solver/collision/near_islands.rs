@@ -149,7 +149,7 @@ impl NearIslands {
         });
         let kind_of = |slot: u32| islands.of(slot as usize).map(|island| stiff.contains_island(island));
         let may_touch = |one: u32, other: u32| kind_of(one) != kind_of(other) && scene.may_meet(one, other);
-        grid.find_pairs(spheres, (may_touch, |_| false), near);
+        grid.find_pairs(spheres, (may_touch, |_, _| false), near);
     }
 }
 

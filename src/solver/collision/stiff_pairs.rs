@@ -60,7 +60,7 @@ impl StiffPairs {
         let mean = geometric_mean(swept.iter().map(|(_, _, reach)| *reach));
         let even = swept.iter().map(|(slot, centre, reach)| (*slot, *centre, reach.max(mean)));
         let may_collide = |one, other| is_in_island(one) || is_in_island(other);
-        grid.find_pairs(even, (may_collide, |_| false), near);
+        grid.find_pairs(even, (may_collide, |_, _| false), near);
         touching.clear();
         touching.extend(near.iter().filter_map(|&(one, other)| {
             let slots = [one.min(other), one.max(other)];

@@ -15,7 +15,7 @@ mod slide;
 
 use bevy::math::{DVec3, Vec3};
 
-use super::grid::Grid;
+use super::grid::{Grid, MAX_PARTNERS};
 use crate::solver::particles::{Particles, Vectors};
 pub(super) use slide::Response;
 use slide::Slide;
@@ -250,7 +250,7 @@ impl Paths<'_> {
             let is_near = (centre + reach).cmpge(least).all() && (centre - reach).cmple(most).all();
             is_near.then_some((slot as u32, centre, reach))
         });
-        grid.find_pairs(spheres, (collide, |_| true), pairs);
+        grid.find_pairs(spheres, (collide, |_: u32, listed: &[_]| listed.len() >= MAX_PARTNERS), pairs);
     }
 
     /// When a pair first touches. They move together until one of them stops, then the other one alone.

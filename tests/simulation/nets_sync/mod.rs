@@ -6,5 +6,5 @@ mod faults;
 mod live_edits;
 mod parts;
 mod recipes;
-mod shapes;
+pub mod shapes;
 mod snapshots;
