@@ -18,6 +18,8 @@ use bevy::reflect::{ReflectDeserialize, ReflectSerialize};
 /// The spring of a part of one particle is on the part itself. A part of several particles, such as an edge or a painted
 /// group, gets a child for each of them, in ascending order: the part of this particle alone, with the spring. So a seam may
 /// give way particle by particle, as each tie has the whole breaking force. Particles that the part gets later are not tied.
+/// Where the particles of a painted group have [weights](crate::nets::Topology::weights), each tie has its weight times the
+/// stiffness: cloth is held firmly where the paint is full, and softly where it fades.
 ///
 /// All that is true of springs is true of it: its tension is in [`SpringForces`](crate::SpringForces) under the entity that
 /// has it, and when it breaks this entity gets [`Broken`](crate::Broken) and the event [`Broke`](crate::Broke); when its
@@ -48,8 +50,8 @@ pub struct Attachment {
     pub entity: Entity,
     /// The tension at which a tie breaks, N, finite and >= 0; of each particle of the part by itself. Default `None`: never.
     pub breaking_force: Option<f32>,
-    /// The stiffness of the tie of each particle, N/m, finite and >= 0. Default `None`: that of the stiffest spring of the
-    /// net at the particle, which costs the simulation nothing.
+    /// The stiffness of the tie of each particle, N/m, finite and >= 0; times its weight in a painted group that has weights.
+    /// Default `None`: that of the stiffest spring of the net at the particle, which costs the simulation nothing.
     pub stiffness: Option<f32>,
 }
 

@@ -4,6 +4,7 @@ use bevy::prelude::*;
 
 use super::icosphere::icosphere;
 use super::lattice::Weave;
+use super::triangle_mesh::Groups;
 use super::weld::Welded;
 use super::{Air, BalloonMaterial, MeshBinding, NetError, Topology, TriangleMesh, membrane};
 use crate::parameter;
@@ -91,7 +92,18 @@ impl Balloon {
         Self { shape, ..Self::default() }
     }
 
-    /// A balloon from the closed mesh of its entity.
+    /// A balloon from the closed mesh of its entity. Without the feature `render` the mesh is that of a
+    /// [`RecipeMesh`](crate::nets::RecipeMesh).
+    ///
+    #[cfg_attr(feature = "render", doc = "```")]
+    #[cfg_attr(not(feature = "render"), doc = "```ignore")]
+    /// # use bevy::prelude::*;
+    /// # use bevy_mass_spring::prelude::*;
+    /// fn spawn_swim_ring(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>) {
+    ///     let ring = Mesh3d(meshes.add(Torus { minor_radius: 0.13, major_radius: 0.3 }));
+    ///     commands.spawn((ring, Balloon::from_mesh().with_material(BalloonMaterial::VINYL), NetMesh));
+    /// }
+    /// ```
     pub fn from_mesh() -> Self {
         Self { shape: BalloonShape::Mesh, ..Self::default() }
     }
@@ -177,8 +189,9 @@ impl Balloon {
         let welded = mesh.weld()?;
         welded.check_closed()?;
         let topology = self.cover(&welded)?;
-        let painted = welded.painted(mesh);
-        Ok(Topology { painted, binding: Some(MeshBinding::Welded(welded.particle_of)), ..topology })
+        let Groups { painted, weights } = welded.groups(mesh);
+        let binding = Some(MeshBinding::Welded(welded.particle_of));
+        Ok(Topology { painted, weights, binding, ..topology })
     }
 
     fn cover(&self, mesh: &Welded) -> Result<Topology, NetError> {

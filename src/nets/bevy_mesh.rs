@@ -3,16 +3,18 @@
 use bevy::math::Vec3;
 use bevy::mesh::{Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues, VertexFormat};
 
-use super::{NetError, TriangleMesh};
+use super::{MeshVertex, NetError, TriangleMesh};
 
-/// How much a vertex is pinned, from 0 to 1: those with at least 1/2 are in the group `PIN`.
+/// How much a vertex is pinned, from 0 to 1: those with at least 1/2 are in the group `PIN`, to be [`Pinned`](crate::Pinned),
+/// and all above 0 with their [weights](crate::nets::Topology::weights) in the group `SOFT_PIN`, to be tied by an
+/// [`Attachment`](crate::nets::Attachment).
 pub const ATTRIBUTE_PIN: MeshVertexAttribute =
     MeshVertexAttribute::new("Pin", 0x6d73_5f70_696e, VertexFormat::Float32);
 
 impl TriangleMesh {
     /// The triangles of a mesh, its positions, and the groups that its vertex colours mean
-    /// ([`paint_by_colours`](Self::paint_by_colours)). `PIN` is the group of those that [`ATTRIBUTE_PIN`] says, or, without
-    /// it, of all that are painted `RED`.
+    /// ([`paint_by_colours`](Self::paint_by_colours)). `PIN` is the group of those that [`ATTRIBUTE_PIN`] says, beside
+    /// `SOFT_PIN`, or, without it, of all that are painted `RED`.
     ///
     /// # Errors
     /// If it is no list of triangles, or has no positions in the main world.
@@ -22,9 +24,9 @@ impl TriangleMesh {
         found.colours = colours(mesh);
         found.paint_by_colours();
         if let Ok(Some(VertexAttributeValues::Float32(weights))) = mesh.try_attribute_option(ATTRIBUTE_PIN) {
-            found.paint("PIN", |vertex| {
-                weights.get(vertex.number as usize).is_some_and(|weight| *weight >= 0.5)
-            });
+            let weight = |vertex: &MeshVertex| weights.get(vertex.number as usize).copied().unwrap_or(0.0);
+            found.paint("PIN", |vertex| weight(vertex) >= 0.5);
+            found.paint_weights("SOFT_PIN", weight);
         } else if let Some((_, red)) = found.painted.first() {
             let pins = red.clone();
             found.painted.push(("PIN".to_owned(), pins));
@@ -123,6 +125,20 @@ mod tests {
         assert_eq!(net.painted("PIN"), Some(&[0][..]));
         assert_eq!(net.painted("BLUE"), Some(&[2][..]));
         assert_eq!(net.painted("GREEN"), Some(&[][..]));
+    }
+
+    #[test]
+    fn an_attribute_says_how_much_vertices_are_pinned() {
+        let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners)
+            .with_inserted_attribute(ATTRIBUTE_PIN, vec![0.75_f32, 0.0, 0.25])
+            .with_inserted_indices(Indices::U16(vec![0, 1, 2]));
+        let mesh = TriangleMesh::from_mesh(&mesh).expect("readable");
+        let net = Cloth::topology_of(&mesh).expect("sound");
+        assert_eq!(net.painted("PIN"), Some(&[0][..]));
+        assert_eq!(net.painted("SOFT_PIN"), Some(&[0, 2][..]));
+        assert_eq!([0, 2].map(|particle| net.weight("SOFT_PIN", particle)), [0.75, 0.25]);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use bevy::prelude::*;
 
 use super::lattice::Weave;
 use super::sheet::{self, Frame};
+use super::triangle_mesh::Groups;
 use super::{Air, ClothMaterial, MeshBinding, NetError, Topology, TriangleMesh, membrane};
 use crate::parameter;
 
@@ -122,7 +123,19 @@ impl Cloth {
         Self { shape: ClothShape::Sheet { corner, width, height }, cells: Some(cells), ..Self::default() }
     }
 
-    /// A cloth from the mesh of its entity.
+    /// A cloth from the mesh of its entity. Without the feature `render` the mesh is that of a
+    /// [`RecipeMesh`](crate::nets::RecipeMesh).
+    ///
+    #[cfg_attr(feature = "render", doc = "```")]
+    #[cfg_attr(not(feature = "render"), doc = "```ignore")]
+    /// # use bevy::prelude::*;
+    /// # use bevy_mass_spring::prelude::*;
+    /// /// A cape that hangs on a neck where its vertices are red.
+    /// fn spawn_cape(mut commands: Commands, cape: Mesh3d, neck: Entity) {
+    ///     let collar = (Part::Painted("RED".into()), Attachment::to(neck));
+    ///     commands.spawn((cape, Cloth::from_mesh(), NetMesh, related!(Parts[collar])));
+    /// }
+    /// ```
     pub fn from_mesh() -> Self {
         Self { shape: ClothShape::Mesh, ..Self::default() }
     }
@@ -223,9 +236,9 @@ impl Cloth {
             bending_stiffness: self.material.bending_stiffness,
         };
         let topology = membrane::topology(&welded, &skin, &self.weave());
-        let painted = welded.painted(mesh);
+        let Groups { painted, weights } = welded.groups(mesh);
         let binding = Some(MeshBinding::Welded(welded.particle_of));
-        self.finish(Topology { painted, binding, ..topology })
+        self.finish(Topology { painted, weights, binding, ..topology })
     }
 
     /// A cloth of the default material from a mesh.

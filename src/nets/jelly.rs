@@ -5,6 +5,7 @@ use bevy::prelude::*;
 use super::inside::Voxels;
 use super::lattice::Weave;
 use super::solid::Solid;
+use super::triangle_mesh::Groups;
 use super::{Air, JellyMaterial, MeshBinding, NetError, Topology, TriangleMesh};
 use crate::parameter;
 
@@ -104,7 +105,19 @@ impl Jelly {
         Self { shape: JellyShape::Cuboid { min, max }, cells: Some(cells), ..Self::default() }
     }
 
-    /// A jelly that fills the closed mesh of its entity with cubes of this side, m.
+    /// A jelly that fills the closed mesh of its entity with cubes of this side, m. With
+    /// `NetMesh` (feature `render`) it moves that mesh; without that feature the mesh is that of a
+    /// [`RecipeMesh`](crate::nets::RecipeMesh).
+    ///
+    #[cfg_attr(feature = "render", doc = "```")]
+    #[cfg_attr(not(feature = "render"), doc = "```ignore")]
+    /// # use bevy::prelude::*;
+    /// # use bevy_mass_spring::prelude::*;
+    /// fn spawn_ring(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>) {
+    ///     let ring = Mesh3d(meshes.add(Torus { minor_radius: 0.13, major_radius: 0.3 }));
+    ///     commands.spawn((ring, Jelly::fill_mesh(0.09), NetMesh, Transform::from_xyz(0.0, 2.0, 0.0)));
+    /// }
+    /// ```
     pub fn fill_mesh(cell: f32) -> Self {
         Self { shape: JellyShape::Mesh, spacing: cell, ..Self::default() }
     }
@@ -199,8 +212,8 @@ impl Jelly {
             }
         };
         let binding = solid.skin(&mesh.positions);
-        let painted = painted(mesh, &binding);
-        self.finish(Topology { binding: Some(binding), painted, ..topology })
+        let Groups { painted, weights } = groups(mesh, &binding);
+        self.finish(Topology { binding: Some(binding), painted, weights, ..topology })
     }
 
     fn solid(&self) -> Result<Solid, NetError> {
@@ -242,19 +255,12 @@ fn check_counts(counts: [u64; 3]) -> Result<[u32; 3], NetError> {
 }
 
 /// Groups of vertices as groups of the particles that carry most of each.
-fn painted(mesh: &TriangleMesh, binding: &MeshBinding) -> Vec<(String, Vec<u32>)> {
-    let MeshBinding::Skinned(skin) = binding else { return Vec::new() };
-    let carrier = |vertex: &u32| {
-        let (particles, [a, b, c]) = *skin.get(*vertex as usize)?;
+fn groups(mesh: &TriangleMesh, binding: &MeshBinding) -> Groups {
+    let MeshBinding::Skinned(skin) = binding else { return Groups::default() };
+    mesh.groups(|vertex| {
+        let (particles, [a, b, c]) = *skin.get(vertex as usize)?;
         let weights = [a, b, c, 1.0 - a - b - c];
         let best = (0..4).rev().max_by(|one: &usize, other| weights[*one].total_cmp(&weights[*other]))?;
         Some(particles[best])
-    };
-    let of_group = |(name, vertices): &(String, Vec<u32>)| {
-        let mut particles: Vec<u32> = vertices.iter().filter_map(carrier).collect();
-        particles.sort_unstable();
-        particles.dedup();
-        (name.clone(), particles)
-    };
-    mesh.painted.iter().map(of_group).collect()
+    })
 }

@@ -108,6 +108,14 @@ impl Topology {
         Some(&group.1)
     }
 
+    /// The [weight](Self::weights) of a particle in a painted group; 1 without one.
+    pub fn weight(&self, name: &str, particle: u32) -> f32 {
+        let weights = self.weights.iter().find(|(other, _)| other == name);
+        let place = self.painted(name).and_then(|group| group.binary_search(&particle).ok());
+        let weight = weights.zip(place).and_then(|((_, weights), place)| weights.get(place));
+        weight.copied().unwrap_or(1.0)
+    }
+
     /// The particle at rest nearest to a point in the frame of the recipe; `None` of a net without particles. Of those
     /// equally near it is the first.
     pub fn nearest(&self, point: Vec3) -> Option<u32> {
@@ -122,6 +130,18 @@ impl Topology {
         let all = self.positions.iter().enumerate().map(|(number, place)| (number as u32, *place));
         let group = all.filter(|(number, place)| is_in(*number, *place)).map(|(number, _)| number).collect();
         self.painted.push((name.into(), group));
+    }
+
+    /// Adds a group of the particles with a [weight](Self::weights) above 0, by number and place at rest; above 1 it counts
+    /// as 1.
+    pub fn paint_weights(&mut self, name: impl Into<String>, weight: impl Fn(u32, Vec3) -> f32) {
+        let all = self.positions.iter().enumerate().map(|(number, place)| (number as u32, *place));
+        let weighted = all.map(|(number, place)| (number, weight(number, place)));
+        let weighted = weighted.filter(|(_, weight)| *weight > 0.0);
+        let (group, weights) = weighted.map(|(number, weight)| (number, weight.min(1.0))).unzip();
+        let name = name.into();
+        self.painted.push((name.clone(), group));
+        self.weights.push((name, weights));
     }
 
     /// Adds a group of the particles nearest to points in the frame of the recipe.
@@ -159,6 +179,11 @@ mod tests {
         net.paint_nearest("ENDS", &[Vec3::X * 9.0, Vec3::ZERO, Vec3::X * 8.0]);
         assert_eq!(net.painted("ENDS"), Some(&[0, 3][..]));
         assert_eq!(net.painted("none"), None);
+        net.paint_weights("FADING", |_, place| 0.25 * place.x - 0.5 * place.y);
+        assert_eq!(net.painted("FADING"), Some(&[1, 2, 3, 7][..]));
+        let weight = |particle: u32| net.weight("FADING", particle);
+        assert_eq!([1, 2, 3, 7, 0].map(weight), [0.25, 0.5, 0.75, 0.25, 1.0]);
+        assert_eq!(net.weight("HIGH", 8), 1.0);
     }
 
     #[test]

@@ -30,6 +30,13 @@ pub struct Topology {
     pub layout: Layout,
     /// Groups of particles that an artist painted or a closure chose, by name.
     pub painted: Vec<(String, Vec<u32>)>,
+    /// By the name of a group the weight of each of its particles, in its order, 0 < w <= 1. Groups without weights have 1.
+    ///
+    /// An [`Attachment`](crate::nets::Attachment) of the group ties each particle with w times its stiffness.
+    /// [`Pinned`](crate::Pinned) holds all of the group as it is: for pins, choose those above a weight by
+    /// [`paint`](Self::paint).
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub weights: Vec<(String, Vec<f32>)>,
     /// How air acts on it.
     pub air: Air,
     /// The pressure of the gas inside at the rest volume, Pa above the surroundings. `None`: it encloses none.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use bevy::math::{DVec3, Vec3};
 
+use super::triangle_mesh::Groups;
 use super::{NetError, TriangleMesh};
 
 /// A mesh with one vertex in each place.
@@ -210,16 +211,9 @@ impl Welded {
         self.triangles.iter().map(of_triangle).sum()
     }
 
-    /// The groups of a mesh as groups of particles, in ascending order.
-    pub fn painted(&self, mesh: &TriangleMesh) -> Vec<(String, Vec<u32>)> {
-        let of_group = |(name, vertices): &(String, Vec<u32>)| {
-            let known = vertices.iter().filter_map(|vertex| self.particle_of.get(*vertex as usize));
-            let mut particles: Vec<u32> = known.copied().collect();
-            particles.sort_unstable();
-            particles.dedup();
-            (name.clone(), particles)
-        };
-        mesh.painted.iter().map(of_group).collect()
+    /// The groups of a mesh as groups of particles.
+    pub fn groups(&self, mesh: &TriangleMesh) -> Groups {
+        mesh.groups(|vertex| self.particle_of.get(vertex as usize).copied())
     }
 }
 
@@ -305,7 +299,7 @@ mod tests {
     fn groups_of_vertices_become_groups_of_particles() {
         let mesh = cube().with_pins(|vertex| vertex.position.y > 0.5);
         let welded = mesh.weld().expect("sound");
-        let painted = welded.painted(&mesh);
+        let painted = welded.groups(&mesh).painted;
         let [(name, particles)] = &painted[..] else { panic!("one group") };
         assert_eq!((name.as_str(), particles.len()), ("PIN", 4));
         assert!(particles.iter().all(|particle| welded.positions[*particle as usize].y == 1.0));

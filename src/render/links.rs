@@ -18,6 +18,24 @@ use crate::nets::ParticleNet;
 /// The copies are children of the net, with all components and descendants of the template. The y axis of each lies
 /// along its link, its origin in the middle. The template is drawn as well, where it is; hide it by
 /// `Visibility::Hidden`, which its copies do not inherit. A link that breaks is despawned.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// use std::f32::consts::FRAC_PI_2;
+///
+/// fn spawn_chain(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, steel: MeshMaterial3d<StandardMaterial>) {
+///     // Bevy's torus lies flat: stood on its rim, its y axis is along the link.
+///     let ring = Torus { minor_radius: 0.01, major_radius: 0.035 }.mesh().build();
+///     let ring = Mesh3d(meshes.add(ring.rotated_by(Quat::from_rotation_x(FRAC_PI_2))));
+///     let link = commands.spawn((ring, steel, Visibility::Hidden)).id();
+///     commands.spawn((
+///         Rope::new(1.5).with_spacing(0.05),
+///         RopeLinks::new(link).with_twist(FRAC_PI_2),
+///         related!(Parts[(Part::Start, Pinned)]),
+///     ));
+/// }
+/// ```
 #[derive(Component, FromTemplate, MapEntities, Debug, Clone, Copy, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]

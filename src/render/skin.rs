@@ -21,6 +21,18 @@ use crate::nets::{ParticleNet, Topology};
 /// drawn itself.
 ///
 /// A skin does not tear.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_mass_spring::prelude::*;
+/// /// A ball of jelly with 27 cells, drawn by a sphere of 2562 vertices.
+/// fn spawn_ball(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, green: MeshMaterial3d<StandardMaterial>) {
+///     let coarse = Jelly::cuboid(Cuboid::from_length(0.5)).with_cells(UVec3::splat(3));
+///     let jelly = commands.spawn((coarse, Transform::from_xyz(0.0, 2.0, 0.0))).id();
+///     let fine = Sphere::new(0.25).mesh().ico(15).expect("less than 80");
+///     commands.spawn((NetSkin(jelly), Mesh3d(meshes.add(fine)), green));
+/// }
+/// ```
 #[derive(Component, FromTemplate, MapEntities, Debug, Clone, Copy, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Component, Debug, Clone, PartialEq)]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use bevy_mass_spring::nets::{Attachment, Cloth, ClothMaterial, Part, PartOf, ParticleNet};
+use bevy_mass_spring::nets::{Attachment, Cloth, ClothMaterial, Part, PartOf, ParticleNet, Topology};
 use bevy_mass_spring::prelude::*;
 
 use super::net_breaking::{net, rope, seen, watching};
@@ -241,6 +241,33 @@ fn a_cape_hangs_by_its_painted_part_on_a_moving_figure() {
     run(&mut caped.app, 300);
     assert!(caped.painted()[0].0.distance(low) < 0.2, "{low} {:?}", caped.painted());
     assert!(seen(&caped.app).is_empty());
+}
+
+/// Balls of 0.1 kg that nothing joins are painted by a closure of their places: each hangs by its weight times the stiffness.
+#[test]
+fn a_painted_weight_is_a_part_of_the_stiffness() {
+    let mut app = watching();
+    app.world_mut().resource_mut::<Environment>().viscosity = 0.5;
+    let count = 5_u16;
+    let mut balls = Topology {
+        positions: (0..count).map(|number| Vec3::X * f32::from(number)).collect(),
+        masses: vec![0.1; count.into()],
+        ..Topology::default()
+    };
+    balls.paint_weights("SOFT", |_, place| 0.25 * place.x);
+    let net_of = app.world_mut().spawn(ParticleNet::new(Arc::new(balls), &Transform::IDENTITY)).id();
+    let frame = app.world_mut().spawn(Transform::IDENTITY).id();
+    let tie = Attachment::to(frame).with_stiffness(100.0);
+    let part = app.world_mut().spawn((PartOf(net_of), Part::Painted("SOFT".into()), tie)).id();
+    run(&mut app, 1200);
+    let net = net(&app, net_of);
+    for number in 1..count {
+        let sag = 0.1 * 9.81 / (100.0 * 0.25 * f32::from(number));
+        let place = net.positions()[usize::from(number)];
+        assert!((-place.y / sag - 1.0).abs() < 1e-3, "{place}, expected {sag} m");
+    }
+    assert!(net.positions()[0].y < -5.0, "what has no weight falls");
+    assert_eq!(app.world().get::<Children>(part).map(|ties| ties.len()), Some(4));
 }
 
 /// Each particle has the whole breaking force: the seam rips tie by tie.

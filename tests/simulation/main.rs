@@ -76,6 +76,7 @@ mod streaming;
 mod struck_ropes;
 mod surfaces;
 mod sweeps;
+mod tearing_soak;
 mod tears;
 mod teleport_commands;
 mod teleports;

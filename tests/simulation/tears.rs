@@ -5,7 +5,7 @@ use bevy_mass_spring::nets::{Layout, Rupture, Tear, Topology, pieces, tear};
 use bevy_mass_spring::solver::{Bend, Spring};
 
 /// A number in 0..1 from a seed: SplitMix64.
-fn random(seed: &mut u64) -> f32 {
+pub fn random(seed: &mut u64) -> f32 {
     *seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut bits = (*seed ^ (*seed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -94,7 +94,7 @@ fn ball(times: u32) -> Topology {
 }
 
 /// ½ k (‖Σ c x‖ − r)² of all elements, J.
-fn elastic_energy(net: &Topology, positions: &[Vec3]) -> f64 {
+pub fn elastic_energy(net: &Topology, positions: &[Vec3]) -> f64 {
     let place = |end: u32| positions[end as usize].as_dvec3();
     let springs = net.springs.iter().map(|([one, other], spring)| {
         let elongation = place(*one).distance(place(*other)) - f64::from(spring.rest_length);
@@ -116,7 +116,7 @@ fn momentum(net: &Topology, velocities: &[Vec3]) -> DVec3 {
 
 /// No hole: each triangle has the corners that it had, or copies of them, and its corners differ. Particles keep their
 /// numbers and places. No particle joins triangles that have no edge in common.
-fn check_surface(first: &Topology, net: &Topology) {
+pub fn check_surface(first: &Topology, net: &Topology) {
     assert_eq!(net.triangles.len(), first.triangles.len());
     assert_eq!(net.positions[..first.positions.len()], first.positions);
     for (now, before) in net.triangles.iter().zip(&first.triangles) {

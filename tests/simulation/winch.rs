@@ -159,6 +159,7 @@ fn a_rope_is_taken_in_without_a_jerk() {
         (Integrator::ImplicitEuler, SubstepMode::Fixed(1)),
         (Integrator::VelocityVerlet, SubstepMode::Auto),
         (Integrator::TrBdf2, SubstepMode::Fixed(2)),
+        (Integrator::Xpbd, SubstepMode::Auto),
     ] {
         run(-0.4, 240, integrator, substeps);
     }
@@ -171,6 +172,7 @@ fn a_rope_is_paid_out_without_a_jerk() {
         (Integrator::ImplicitEuler, SubstepMode::Fixed(1)),
         (Integrator::VelocityVerlet, SubstepMode::Auto),
         (Integrator::TrBdf2, SubstepMode::Fixed(2)),
+        (Integrator::Xpbd, SubstepMode::Auto),
     ] {
         run(0.4, 200, integrator, substeps);
     }

@@ -20,7 +20,7 @@ pub(in crate::sync) fn tie_attachments(
     mut commands: Commands,
     state: Res<MassSpringState>,
     nets: Query<(&ParticleNet, &Parts)>,
-    attachments: Query<(&Attachment, &PartState), Without<Tied>>,
+    attachments: Query<(&Attachment, &Part, &PartState), Without<Tied>>,
     targets: Targets,
     mut gathered: ResMut<GatheredNets>,
     mut warnings: ResMut<Warnings>,
@@ -31,7 +31,7 @@ pub(in crate::sync) fn tie_attachments(
     for net_entity in state.nets.entities() {
         let Ok((net, parts)) = nets.get(net_entity) else { continue };
         for &part in parts.entities() {
-            let Ok((attachment, part_state)) = attachments.get(part) else { continue };
+            let Ok((attachment, kind, part_state)) = attachments.get(part) else { continue };
             let target = match targets.find(attachment.entity, &nets) {
                 Ok(Some(target)) => target,
                 Ok(None) => continue,
@@ -42,7 +42,7 @@ pub(in crate::sync) fn tie_attachments(
             };
             let mut tied = Tied::default();
             for &particle in part_state.particles() {
-                let mut spring = tie(net, particle, attachment);
+                let mut spring = tie(net, particle, kind, attachment);
                 let place = net.positions()[particle as usize];
                 let end = target.end_at(place, &mut spring, &mut commands, &mut tied);
                 if let [_] = part_state.particles() {
@@ -128,14 +128,15 @@ impl Target {
     }
 }
 
-/// A spring like the stiffest one at a particle.
-fn tie(net: &ParticleNet, particle: u32, attachment: &Attachment) -> Spring {
+/// A spring like the stiffest one at a particle, or as stiff as the attachment says, by the weight of the particle in the part.
+fn tie(net: &ParticleNet, particle: u32, part: &Part, attachment: &Attachment) -> Spring {
     let at_particle = net.topology().springs.iter().filter(|(ends, _)| ends.contains(&particle));
     let stiffest =
         at_particle.map(|(_, spring)| *spring).max_by(|one, other| one.stiffness.total_cmp(&other.stiffness));
     let like =
         stiffest.unwrap_or(solver::Spring::elastic(0.0, Spring::DEFAULT_STIFFNESS, Spring::DEFAULT_DAMPING));
-    let stiffness = attachment.stiffness.unwrap_or(like.stiffness);
+    let weight = if let Part::Painted(name) = part { net.topology().weight(name, particle) } else { 1.0 };
+    let stiffness = weight * attachment.stiffness.unwrap_or(like.stiffness);
     let damping = if like.stiffness > 0.0 { like.damping * (stiffness / like.stiffness) } else { 0.0 };
     Spring {
         breaking_force: attachment.breaking_force,
