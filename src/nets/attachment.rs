@@ -78,10 +78,14 @@ impl Attachment {
 #[derive(Component, Debug, Clone, Copy, Default)]
 pub(crate) struct Anchor;
 
-/// What holds an [`Attachment`] that is in effect.
-#[derive(Component, Debug, Clone, Default)]
-pub(crate) struct Tied {
+/// An [`Attachment`] that is in effect.
+#[derive(MapEntities, Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Tie {
+    #[entities]
+    pub attachment: Attachment,
     /// The pinned particles in the frame of what it is tied to, if that is none itself; and the parts of one particle that
     /// have the springs, if the attached part is of several.
+    #[entities]
     pub helpers: Vec<Entity>,
 }

@@ -204,6 +204,13 @@ struct Layouts<'w, 's> {
 
 type Recipes<'w, 's, R> = Query<'w, 's, &'static R>;
 
+/// Makes nets of the recipes that were inserted, at once.
+pub(crate) fn lay_out_now(world: &mut World) {
+    if let Err(problem) = world.run_system_cached(lay_out_nets) {
+        log::error!("nets are not laid out: {problem}");
+    }
+}
+
 /// Makes nets of the recipes that were inserted, in the order of that.
 fn lay_out_nets(
     mut pending: ResMut<PendingRecipes>,

@@ -48,7 +48,7 @@ mod yielding;
 use crate::parameter::{self, InvalidParameter};
 
 pub use attachment::Attachment;
-pub(crate) use attachment::{Anchor, Tied};
+pub(crate) use attachment::{Anchor, Tie};
 pub use balloon::{Balloon, BalloonShape};
 #[cfg(feature = "render")]
 pub use bevy_mesh::ATTRIBUTE_PIN;
@@ -58,7 +58,7 @@ pub use cloth::{Cloth, ClothShape};
 pub use error::NetError;
 pub use jelly::{Jelly, JellyShape};
 pub use laying::RecipeMesh;
-pub(crate) use laying::{build, change_materials};
+pub(crate) use laying::{build, change_materials, lay_out_now};
 pub use material::{BalloonMaterial, ClothMaterial, JellyMaterial, RopeMaterial};
 pub(crate) use net::Arrays;
 pub use net::ParticleNet;

@@ -6,7 +6,7 @@ use bevy::ecs::VariantDefaults;
 use bevy::ecs::entity::MapEntities;
 use bevy::prelude::*;
 
-use super::{Corner, ParticleNet, Side, Topology};
+use super::{Corner, ParticleNet, Side, Tie, Topology};
 use crate::particle::ParticleVelocity;
 
 /// Which particles of a net an entity stands for. [`PartOf`] says of which net.
@@ -134,7 +134,7 @@ impl Parts {
 }
 
 /// The state of a [`Part`] from tick to tick. Rollback libraries save it with the other components.
-#[derive(Component, Reflect, Debug, Clone, Default)]
+#[derive(Component, MapEntities, Reflect, Debug, Clone, Default)]
 #[reflect(opaque)]
 #[reflect(Component, Default, Debug, Clone)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
@@ -149,6 +149,10 @@ pub struct PartState {
     pub(crate) is_held: bool,
     /// The places of its particles in its own frame when it was pinned, m; of parts of several particles.
     pub(crate) offsets: Vec<Vec3>,
+    /// The attachment that is in effect.
+    #[entities]
+    #[cfg_attr(feature = "serialize", serde(default))]
+    pub(crate) tie: Option<Tie>,
     /// The version of the net in which the particles were found; 0 before.
     #[cfg_attr(feature = "serialize", serde(skip))]
     pub(crate) structure: u64,

@@ -146,16 +146,16 @@ impl PartRecord {
             velocity: entity.get::<ParticleVelocity>()?.0,
             force: entity.get().copied(),
             is_pinned: entity.contains::<Pinned>(),
-            state: entity.get::<PartState>()?.clone(),
+            state: PartState { tie: None, ..entity.get::<PartState>()?.clone() },
         })
     }
 
     pub fn restore(self, world: &mut World) {
         let Ok(mut entity) = world.get_entity_mut(self.entity) else { return };
-        if !entity.contains::<PartState>() {
-            return;
-        }
-        entity.insert((self.state, ParticleVelocity(self.velocity)));
+        let Some(present) = entity.get::<PartState>() else { return };
+        // Springs of attachments are restored as all others are: those that are in effect stay so.
+        let state = PartState { tie: present.tie.clone(), ..self.state };
+        entity.insert((state, ParticleVelocity(self.velocity)));
         if let Some(mut transform) = entity.get_mut::<Transform>() {
             (transform.translation, transform.rotation) = (self.translation, self.rotation);
         }

@@ -110,7 +110,8 @@ impl Snapshot {
     }
 
     /// Puts the snapshot into another world in which the same scene was spawned: the first particle of the
-    /// simulation there becomes the first one of the snapshot, and so on.
+    /// simulation there becomes the first one of the snapshot, and so on. No tick need have run there; nets from meshes
+    /// that load are to be laid out.
     ///
     /// # Errors
     /// If the world has another number of particles, springs, bends, nets or colliders. Nothing is changed then.
@@ -118,6 +119,7 @@ impl Snapshot {
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).
     pub fn restore_in_order(&self, world: &mut World) -> Result<(), SnapshotError> {
+        super::nets::prepare(world);
         let present = Self::take(world);
         let pairs = [
             ("particles", self.particle_entities(), present.particle_entities()),

@@ -9,7 +9,7 @@ use bevy::prelude::*;
 use super::super::hierarchy::{to_local, world_transform};
 use super::super::state::{MassSpringState, Warnings};
 use super::gather::GatheredNets;
-use crate::nets::{Anchor, Attachment, Part, PartOf, PartState, ParticleNet, Parts, Tied};
+use crate::nets::{Anchor, Attachment, Part, PartOf, PartState, ParticleNet, Parts, Tie};
 use crate::particle::{Particle, Pinned};
 use crate::solver;
 use crate::spring::{Broken, Spring};
@@ -20,18 +20,21 @@ pub(in crate::sync) fn tie_attachments(
     mut commands: Commands,
     state: Res<MassSpringState>,
     nets: Query<(&ParticleNet, &Parts)>,
-    attachments: Query<(&Attachment, &Part, &PartState), Without<Tied>>,
+    attachments: Query<(&Attachment, &Part, &PartState)>,
     targets: Targets,
     mut gathered: ResMut<GatheredNets>,
     mut warnings: ResMut<Warnings>,
 ) {
-    if attachments.is_empty() {
+    if attachments.iter().all(|(.., part)| part.tie.is_some()) {
         return;
     }
     for net_entity in state.nets.entities() {
         let Ok((net, parts)) = nets.get(net_entity) else { continue };
         for &part in parts.entities() {
             let Ok((attachment, kind, part_state)) = attachments.get(part) else { continue };
+            if part_state.tie.is_some() {
+                continue;
+            }
             let target = match targets.find(attachment.entity, &nets) {
                 Ok(Some(target)) => target,
                 Ok(None) => continue,
@@ -40,11 +43,11 @@ pub(in crate::sync) fn tie_attachments(
                     continue;
                 }
             };
-            let mut tied = Tied::default();
+            let mut tie = Tie { attachment: *attachment, helpers: Vec::new() };
             for &particle in part_state.particles() {
-                let mut spring = tie(net, particle, kind, attachment);
+                let mut spring = spring_of(net, particle, kind, attachment);
                 let place = net.positions()[particle as usize];
-                let end = target.end_at(place, &mut spring, &mut commands, &mut tied);
+                let end = target.end_at(place, &mut spring, &mut commands, &mut tie);
                 if let [_] = part_state.particles() {
                     spring.particles = [part, end];
                     commands.entity(part).try_insert(spring);
@@ -55,11 +58,15 @@ pub(in crate::sync) fn tie_attachments(
                 spring.particles = [strand, end];
                 commands.entity(strand).insert(spring);
                 gathered.relinked_parts.insert(strand);
-                tied.helpers.push(strand);
+                tie.helpers.push(strand);
             }
             // A part without particles is of a net that is not laid out yet, or has none such.
             if !part_state.particles().is_empty() {
-                commands.entity(part).try_insert(tied);
+                commands.entity(part).queue_silenced(move |mut part: EntityWorldMut| {
+                    if let Some(mut state) = part.get_mut::<PartState>() {
+                        state.tie = Some(tie);
+                    }
+                });
             }
         }
     }
@@ -111,7 +118,7 @@ impl Targets<'_, '_> {
 
 impl Target {
     /// The other end of a `spring` from a particle at `place`, which is given its rest length.
-    fn end_at(&self, place: Vec3, spring: &mut Spring, commands: &mut Commands, tied: &mut Tied) -> Entity {
+    fn end_at(&self, place: Vec3, spring: &mut Spring, commands: &mut Commands, tie: &mut Tie) -> Entity {
         match *self {
             Self::Particle(entity, other) => {
                 spring.rest_length = place.distance(other);
@@ -121,7 +128,7 @@ impl Target {
                 let local = Transform::from_translation(to_local(&frame, place));
                 let anchor =
                     commands.spawn((Particle::new(1.0, 0.0), Pinned, Anchor, local, ChildOf(entity))).id();
-                tied.helpers.push(anchor);
+                tie.helpers.push(anchor);
                 anchor
             }
         }
@@ -129,7 +136,7 @@ impl Target {
 }
 
 /// A spring like the stiffest one at a particle, or as stiff as the attachment says, by the weight of the particle in the part.
-fn tie(net: &ParticleNet, particle: u32, part: &Part, attachment: &Attachment) -> Spring {
+fn spring_of(net: &ParticleNet, particle: u32, part: &Part, attachment: &Attachment) -> Spring {
     let at_particle = net.topology().springs.iter().filter(|(ends, _)| ends.contains(&particle));
     let stiffest =
         at_particle.map(|(_, spring)| *spring).max_by(|one, other| one.stiffness.total_cmp(&other.stiffness));
@@ -147,17 +154,30 @@ fn tie(net: &ParticleNet, particle: u32, part: &Part, attachment: &Attachment) -
 }
 
 /// Undoes the tie of an attachment that is removed.
-pub(in crate::sync) fn untie(removed: On<Remove, Attachment>, tied: Query<&Tied>, mut commands: Commands) {
-    undo(removed.entity, &tied, &mut commands);
+pub(in crate::sync) fn untie(
+    removed: On<Remove, Attachment>,
+    mut parts: Query<&mut PartState>,
+    mut commands: Commands,
+) {
+    if let Ok(mut part) = parts.get_mut(removed.entity) {
+        undo(removed.entity, &mut part, &mut commands);
+    }
 }
 
 /// Undoes the tie of an attachment that was replaced by another one.
-pub(in crate::sync) fn retie(inserted: On<Insert, Attachment>, tied: Query<&Tied>, mut commands: Commands) {
-    undo(inserted.entity, &tied, &mut commands);
+pub(in crate::sync) fn retie(
+    inserted: On<Insert, Attachment>,
+    mut parts: Query<(&Attachment, &mut PartState)>,
+    mut commands: Commands,
+) {
+    let Ok((attachment, mut part)) = parts.get_mut(inserted.entity) else { return };
+    if part.tie.as_ref().is_some_and(|tie| tie.attachment != *attachment) {
+        undo(inserted.entity, &mut part, &mut commands);
+    }
 }
 
-fn undo(part: Entity, tied: &Query<&Tied>, commands: &mut Commands) {
-    let Ok(Tied { helpers }) = tied.get(part) else { return };
+fn undo(entity: Entity, part: &mut PartState, commands: &mut Commands) {
+    let Some(Tie { helpers, .. }) = part.tie.take() else { return };
     helpers.iter().for_each(|helper| commands.entity(*helper).try_despawn());
-    commands.entity(part).try_remove::<(Spring, Tied, Broken)>();
+    commands.entity(entity).try_remove::<(Spring, Broken)>();
 }

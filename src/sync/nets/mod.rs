@@ -12,6 +12,8 @@ mod place;
 mod registry;
 mod scatter;
 
+use bevy::prelude::*;
+
 pub(super) use attach::{retie, tie_attachments, untie};
 pub(super) use failure::{give_breaking, give_yielding, turn_winches};
 pub(super) use gather::{GatheredNets, gather_nets};
@@ -20,3 +22,12 @@ pub(super) use parts::{gather_parts, scatter_parts};
 pub(super) use place::NetData;
 pub(super) use registry::{NetRegistry, mark_replaced, register_existing_nets, register_net, unregister_net};
 pub(super) use scatter::{any_nets, scatter_nets};
+
+/// Does what the next tick would begin with: lays out nets, finds the particles of parts, and ties what is attached.
+pub(super) fn prepare(world: &mut World) {
+    crate::nets::lay_out_now(world);
+    let found = world.run_system_cached(gather_parts);
+    if let Err(problem) = found.and_then(|()| world.run_system_cached(tie_attachments)) {
+        log::error!("parts of nets are not found: {problem}");
+    }
+}

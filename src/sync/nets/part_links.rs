@@ -18,7 +18,7 @@ pub(in crate::sync) fn unlink_part(
     warnings.clear(removed.entity);
     gathered.relinked_parts.insert(removed.entity);
     if let Ok(mut state) = states.get_mut(removed.entity) {
-        *state = PartState::default();
+        *state = PartState { tie: state.tie.take(), ..PartState::default() };
     }
 }
 
