@@ -33,7 +33,7 @@ fn resolve_surfaces(
 ) -> bool {
     let any = surfaces.resolve(memory, particles, (substep, evaluated), contacts, records);
     if any {
-        contacts.put_onto_half_spaces(|visit| surfaces.for_each_touching(visit), particles, substep);
+        contacts.put_onto_half_spaces(|visit| surfaces.for_each_in_contact(visit), particles, substep);
     }
     any
 }

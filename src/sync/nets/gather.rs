@@ -57,14 +57,16 @@ impl GatheredNets {
     pub fn check_nets(&mut self, state: &mut MassSpringState, was_replaced: bool, nets: &NetQuery) {
         if was_replaced {
             self.known.clear();
-            return;
         }
-        for (entry, known) in state.nets.entries.iter_mut().zip(&mut self.known) {
-            if known.entity != entry.entity || entry.is_removed {
+        for (number, entry) in state.nets.entries.iter_mut().enumerate() {
+            // Of a state that was put back nothing is known.
+            let mut known = self.known.get_mut(number);
+            let is_other = known.as_ref().map_or(!was_replaced, |known| known.entity != entry.entity);
+            if is_other || entry.is_removed {
                 continue;
             }
             let Ok((net, _, is_disabled)) = nets.get(entry.entity) else { continue };
-            let is_untouched = known.written == Some(net.last_changed());
+            let is_untouched = known.as_ref().is_some_and(|known| known.written == Some(net.last_changed()));
             let Some(place) = &entry.place else {
                 // What was left out may be corrected.
                 state.nets.is_pending |= !is_disabled && net.is_changed();
@@ -74,8 +76,11 @@ impl GatheredNets {
                 continue;
             }
             state.is_outdated |= net.quarantined() != place.quarantined;
-            if known.parameters != Some(net.versions().parameters) {
-                known.parameters = None;
+            let parameters = known.as_ref().and_then(|known| known.parameters);
+            if parameters != Some(net.versions().parameters) {
+                if let Some(known) = &mut known {
+                    known.parameters = None;
+                }
                 let fits = net.topology().validate().is_ok()
                     && net.len() == place.len()
                     && set_parameters(&mut state.solver, place, &net);

@@ -188,9 +188,14 @@ impl Surfaces {
         self.contacts.len()
     }
 
+    /// Calls `visit` with the slots of the particles of which contacts were solved in this substep, or in the last one.
+    pub fn for_each_in_contact(&self, mut visit: impl FnMut(usize)) {
+        self.bodies.iter().for_each(|body| visit(body.slot as usize));
+    }
+
     /// Calls `visit` with the slots of the particles that touched or were stopped in the last substep.
     pub fn for_each_touching(&self, mut visit: impl FnMut(usize)) {
-        self.bodies.iter().for_each(|body| visit(body.slot as usize));
+        self.for_each_in_contact(&mut visit);
         self.advance.stopped().iter().for_each(|slot| visit(*slot as usize));
     }
 
