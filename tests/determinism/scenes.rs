@@ -230,7 +230,35 @@ fn among_colliders() -> Solver {
     solver
 }
 
-/// The states of that after each tick, by schemes that share their work; and of a small cloth on a ball by the others.
+/// Two cloths, so large that the search for what touches is shared, and ropes: the upper ones fall onto a cloth that is pressed into folds.
+fn heap() -> Solver {
+    let mut solver = Solver::default();
+    let cloth = common::colliding::Cloth {
+        cells: 40,
+        size: 1.0,
+        radius: 0.008,
+        stiffness: 50.0,
+        areal_density: 0.5,
+        damping: 0.02,
+    };
+    for height in [0.0, 0.02] {
+        cloth.add(&mut solver, Vec3::new(-0.5, height, -0.5), [Vec3::X, Vec3::Z]);
+    }
+    for rope in 0..4_u8 {
+        let across = 0.2 * f32::from(rope) - 0.3;
+        let ends = [Vec3::new(-0.6, 0.06, across), Vec3::new(0.6, 0.06, -across)];
+        common::colliding::rope(&mut solver, ends, 40, (0.01, 0.01), 50.0);
+    }
+    for number in 0..solver.particle_count() {
+        let place = solver.position(number);
+        let jitter = (number * 7919 % 101) as f32 / 50.0 - 1.0;
+        let sideways = if place.y < 0.01 { -8.0 * place.x } else { 0.0 };
+        solver.set_velocity(number, Vec3::new(sideways, 0.5 * jitter - 50.0 * place.y, 0.0));
+    }
+    solver
+}
+
+/// The states of these after each tick, by schemes that share their work; and of a small cloth on a ball by the others.
 pub fn histories_among_colliders() -> Vec<u64> {
     let mut hashes = Vec::new();
     let settings = StepSettings {
@@ -250,6 +278,9 @@ pub fn histories_among_colliders() -> Vec<u64> {
     };
     for integrator in [Integrator::SemiImplicitEuler, Integrator::VelocityVerlet, Integrator::Xpbd] {
         run(among_colliders(), integrator);
+    }
+    for integrator in [Integrator::SemiImplicitEuler, Integrator::Xpbd] {
+        run(heap(), integrator);
     }
     for integrator in [Integrator::ImplicitEuler, Integrator::TrBdf2] {
         let mut solver = Solver::default();

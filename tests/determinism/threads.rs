@@ -251,7 +251,7 @@ fn the_number_of_threads_does_not_matter_to_nets() {
 fn the_number_of_threads_does_not_matter_among_colliders() {
     let name = "threads::child_prints_the_history_among_colliders";
     let one = history_on(1, name);
-    assert_eq!(one.len(), 5 * COLLIDER_TICKS as usize);
+    assert_eq!(one.len(), 7 * COLLIDER_TICKS as usize);
     assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
