@@ -65,7 +65,8 @@ fn spawn_ropes(mut commands: Commands, mut meshes: Meshes, mut materials: Materi
 
 fn spawn_curtain(mut commands: Commands, mut materials: Materials) {
     let red = Color::srgb(0.60, 0.10, 0.12);
-    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..StandardMaterial::from(red) };
+    let matt = StandardMaterial { perceptual_roughness: 0.9, ..StandardMaterial::from(red) };
+    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..matt };
     let light = ClothMaterial { stretch_stiffness: 500.0, retardation_time: 5e-4, ..ClothMaterial::SILK };
     commands.spawn((
         Cloth::sheet(Rectangle::new(1.4, 1.6)).with_spacing(0.08).with_material(light),
