@@ -12,7 +12,7 @@ fn main() {
         .add_plugins((DefaultPlugins, MassSpringPlugin::default(), ParticleDragPlugin))
         .insert_resource(ClearColor(Color::srgb(0.74, 0.80, 0.87)))
         .insert_resource(GlobalAmbientLight { brightness: 500.0, ..default() })
-        .insert_resource(Environment { wind: Vec3::new(0.4, 0.0, 2.0), air_density: 1.2, ..default() })
+        .insert_resource(Environment { wind: Vec3::new(0.3, 0.0, 1.0), air_density: 1.2, ..default() })
         .add_systems(Startup, (spawn_stage, spawn_ropes, spawn_curtain, spawn_jellies))
         .run();
 }
@@ -65,7 +65,8 @@ fn spawn_ropes(mut commands: Commands, mut meshes: Meshes, mut materials: Materi
 
 fn spawn_curtain(mut commands: Commands, mut materials: Materials) {
     let red = Color::srgb(0.60, 0.10, 0.12);
-    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..StandardMaterial::from(red) };
+    let matt = StandardMaterial { perceptual_roughness: 0.9, ..StandardMaterial::from(red) };
+    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..matt };
     let light = ClothMaterial { stretch_stiffness: 500.0, retardation_time: 5e-4, ..ClothMaterial::SILK };
     commands.spawn((
         Cloth::sheet(Rectangle::new(1.4, 1.6)).with_spacing(0.08).with_material(light),
@@ -99,8 +100,8 @@ fn spawn_jellies(mut commands: Commands, mut meshes: Meshes, mut materials: Mate
 
 /// The pips of a die of 0.5 m, 3 mm above its faces.
 fn pips() -> Mesh {
-    let mut all: Option<Mesh> = None;
-    for (normal, number) in [Vec3::Z, Vec3::X, Vec3::Y, -Vec3::Y, -Vec3::X, -Vec3::Z].into_iter().zip(1..) {
+    let mut pips = Vec::new();
+    for (number, normal) in (1..).zip([Vec3::Z, Vec3::X, Vec3::Y, -Vec3::Y, -Vec3::X, -Vec3::Z]) {
         for (x, y) in (-1..=1).flat_map(|x| (-1..=1).map(move |y| (x, y))) {
             let is_there = match x * y {
                 1 => number >= 2,
@@ -111,13 +112,13 @@ fn pips() -> Mesh {
             if is_there {
                 let place = Vec3::new(0.13 * x as f32, 0.13 * y as f32, 0.253);
                 let pip = Circle::new(0.045).mesh().build().translated_by(place);
-                let pip = pip.rotated_by(Quat::from_rotation_arc(Vec3::Z, normal));
-                match &mut all {
-                    Some(all) => all.merge(&pip).expect("all have the same attributes"),
-                    None => all = Some(pip),
-                }
+                pips.push(pip.rotated_by(Quat::from_rotation_arc(Vec3::Z, normal)));
             }
         }
     }
+    let all = pips.into_iter().reduce(|mut all, pip| {
+        all.merge(&pip).expect("all have the same attributes");
+        all
+    });
     all.expect("there are 21")
 }

@@ -39,6 +39,9 @@ pub struct Winch {
     /// load that weighs less is lifted at the full speed, once what force is left has made it that fast; one that weighs more
     /// is held: a stalled winch pays nothing out. What a load that stops within a tick has it take in too much, it pays out
     /// again in the next ones. Default `None`: it pulls with any force.
+    ///
+    /// It knows the tension as the scheme does: `Auto` and the implicit schemes hold it to a percent,
+    /// [`Xpbd`](crate::Integrator::Xpbd), whose links converge with the substeps, may be far from it with few of them.
     pub max_force: Option<f32>,
     /// Taking in ends at this rest length, m, finite and >= 0, and at half a link in any case. Default 0.
     pub min_length: f32,

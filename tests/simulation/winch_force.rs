@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy_mass_spring::prelude::*;
 
 use super::net_breaking::{net, watching};
-use crate::common::run;
+use crate::common::{run, scheme};
 
 const LINKS: u32 = 26;
 const LINK: f32 = 0.1;
@@ -117,13 +117,12 @@ impl Crane {
 /// Each material, scheme and time step, with the weight of the rope in parts of the greatest force.
 fn for_all(mut test: impl FnMut(&str, RopeMaterial, f32, Integrator, f64)) {
     for (material, max_force) in MATERIALS {
-        for (integrator, time_steps) in [
-            (Integrator::Auto, &TIME_STEPS[..]),
-            (Integrator::ImplicitEuler, &TIME_STEPS[..]),
-            (Integrator::VelocityVerlet, &TIME_STEPS[1..2]),
-            (Integrator::Xpbd, &TIME_STEPS[1..2]),
-        ] {
-            for &time_step in time_steps {
+        for integrator in [Integrator::Auto, Integrator::ImplicitEuler, Integrator::VelocityVerlet] {
+            // Stiffer ones move by less than an ulp in an explicit substep.
+            if integrator == Integrator::VelocityVerlet && material != RopeMaterial::RUBBER_CORD {
+                continue;
+            }
+            for time_step in TIME_STEPS {
                 let name = format!("EA = {} N, {integrator}, {time_step:.4} s", material.stretch_stiffness);
                 test(&name, material, max_force, integrator, time_step);
             }
@@ -162,6 +161,25 @@ fn a_winch_stalls_at_its_greatest_force() {
             assert!((mean / expected - 1.0).abs() < 0.01, "{name}, {share}: {mean} N of {expected} N");
         }
     });
+}
+
+/// Xpbd knows tensions as well as its substeps let it converge: to a tenth with 400 of them and 26 links.
+#[test]
+fn a_winch_stalls_near_its_greatest_force_under_xpbd() {
+    let mut crane = Crane::new(RopeMaterial::RUBBER_CORD, 30.0, 7.5, Integrator::Auto, 1.0 / 60.0);
+    crane.app.insert_resource(scheme(Integrator::Xpbd, 400));
+    crane.turn(-SPEED);
+    crane.run(crane.ticks(1.5));
+    assert!(crane.length() < 2.1, "{} m", crane.length());
+    crane.net_mut().set_pinned(LINKS, true);
+    let greatest = crane.greatest_tension(4.0);
+    assert!(greatest < 1.1, "up to {greatest}");
+    let length = crane.length();
+    for _ in 0..crane.ticks(0.5) {
+        crane.run(1);
+        assert!((crane.tension() - 1.0).abs() < 0.1, "{}", crane.tension());
+        assert!((crane.length() - length).abs() < 1e-3, "{} m", crane.length());
+    }
 }
 
 /// A load of 95 % of the greatest force goes up at the winch's speed: what is left accelerates it by g / 19. One of 105 %

@@ -59,6 +59,8 @@ fn spawn(mut stage: Stage) {
         crate_paint,
         Transform::from_translation(end - Vec3::Y * 1.6),
     ));
+    let hook = (Mesh3d(stage.meshes.add(Cylinder::new(0.02, 0.1))), grey.clone());
+    stage.commands.entity(load).with_child((hook, Transform::from_xyz(0.0, 0.21, 0.0)));
     let cable = Rope::between(end, end - Vec3::Y * 1.36)
         .with_spacing(0.1)
         .with_radius(0.012)

@@ -14,6 +14,9 @@ const EXHIBIT: Exhibit = Exhibit {
     view: View { focus: Vec3::new(0.0, 0.9, 0.0), distance: 5.2, yaw: 0.6, pitch: 0.32 },
 };
 
+/// Half of the width of the trampoline, m.
+const HALF: f32 = 1.06;
+
 pub fn plugin(app: &mut App) {
     app.add_exhibit(EXHIBIT, spawn, draw);
 }
@@ -22,15 +25,16 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     *collisions = CollisionSettings { friction: 0.5, ..default() };
     stage.floor();
     let steel = stage.metal(Color::srgb(0.25, 0.27, 0.31));
-    let hoop = Torus { minor_radius: 0.05, major_radius: 1.5 };
-    stage.solid(hoop, steel.clone(), Transform::from_xyz(0.0, 0.8, 0.0));
-    for leg in 0..4_u8 {
-        let angle = std::f32::consts::FRAC_PI_2 * (f32::from(leg) + 0.5);
-        let place = Vec3::new(1.5 * angle.cos(), 0.4, 1.5 * angle.sin());
-        stage.solid(Cylinder::new(0.04, 0.8), steel.clone(), Transform::from_translation(place));
+    for side in 0..4_u8 {
+        let turn = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2 * f32::from(side));
+        let along = Transform::from_translation(turn * Vec3::new(0.0, 0.8, HALF))
+            .with_rotation(turn * Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
+        stage.solid(Capsule3d::new(0.05, 2.0 * HALF), steel.clone(), along);
+        let leg = Transform::from_translation(turn * Vec3::new(HALF, 0.4, HALF));
+        stage.solid(Cylinder::new(0.05, 0.8), steel.clone(), leg);
     }
     let blue = stage.cloth(Color::srgb(0.10, 0.16, 0.28));
-    let mat = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(1.06)))
+    let mat = Cloth::from(Plane3d::new(Vec3::Y, Vec2::splat(HALF)))
         .with_spacing(0.106)
         .with_radius(0.02)
         .with_material(ClothMaterial {

@@ -45,7 +45,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
     stage.floor();
     let size = Vec2::new(COLUMNS as f32, ROWS as f32) * PITCH;
     let cells = UVec2::new(COLUMNS, ROWS) * FINENESS;
-    let ticking = stage.cloth(Color::srgb(0.82, 0.86, 0.92));
+    let ticking = stage.cloth(Color::srgb(0.50, 0.58, 0.72));
     let cover = Cloth::from(Plane3d::new(Vec3::Y, 0.5 * size))
         .with_cells(cells)
         .with_radius(0.015)
@@ -56,7 +56,7 @@ fn spawn(mut stage: Stage, mut collisions: ResMut<CollisionSettings>) {
             ..ClothMaterial::DENIM
         });
     let cover = stage.spawn((cover, NetMesh, ticking, Transform::from_xyz(0.0, HEIGHT, 0.0)));
-    let steel = stage.metal(Color::srgb(0.62, 0.64, 0.68));
+    let steel = stage.metal(Color::srgb(0.30, 0.31, 0.34));
     let coil_mesh = Mesh3d(stage.meshes.add(coil_mesh()));
     for row in 0..=ROWS {
         for column in 0..=COLUMNS {
@@ -114,7 +114,7 @@ fn coil_mesh() -> Mesh {
             normals.push(normal.to_array());
             if step < STEPS {
                 let (a, b) = (step * SIDES + side, step * SIDES + (side + 1) % SIDES);
-                indices.extend([a, a + SIDES, b, b, a + SIDES, b + SIDES]);
+                indices.extend([a, b, a + SIDES, b, b + SIDES, a + SIDES]);
             }
         }
     }
@@ -131,8 +131,8 @@ fn stretch_coils(mut coils: Query<(&Coil, &mut Transform)>, tops: Query<&Transfo
         let along = top.translation - coil.base;
         *transform = Transform::from_translation(coil.base)
             .with_rotation(Quat::from_rotation_arc(Vec3::Y, along.normalize_or(Vec3::Y)))
-            // Its wire lies below the cover.
-            .with_scale(Vec3::new(1.0, (along.length() - 0.02).max(0.01), 1.0));
+            // Its wire lies below the cover, where that is bent, too.
+            .with_scale(Vec3::new(1.0, (along.length() - 0.045).max(0.01), 1.0));
     }
 }
 

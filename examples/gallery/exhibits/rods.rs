@@ -31,8 +31,10 @@ struct Step(u8);
 fn spawn(mut stage: Stage) {
     stage.floor();
     let wood = stage.paint(Color::srgb(0.42, 0.29, 0.18));
-    stage.solid(Cuboid::new(0.12, 0.3, 2.3), wood.clone(), Transform::from_xyz(-0.06, 1.7, 0.0));
-    stage.solid(Cuboid::new(0.12, 1.6, 0.3), wood, Transform::from_xyz(-0.06, 0.8, 0.0));
+    for (bar, height) in [(Cuboid::new(0.12, 0.3, 2.3), 1.7), (Cuboid::new(0.12, 1.55, 0.3), 0.775)] {
+        let solid = stage.solid(bar, wood.clone(), Transform::from_xyz(-0.06, height, 0.0));
+        stage.commands.entity(solid).insert(ParticleCollider::from(bar));
+    }
     for step in 0..COUNT {
         let share = f32::from(step) / f32::from(COUNT - 1);
         let z = 1.8 * (share - 0.5);

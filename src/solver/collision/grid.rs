@@ -140,7 +140,7 @@ impl Grid {
             }
             found.push((a, b));
             let listed = &found[first..];
-            match listed.len() % checked == 0 && is_crowded(slot, listed) {
+            match listed.len().is_multiple_of(checked) && is_crowded(slot, listed) {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }
@@ -204,7 +204,7 @@ impl Grid {
             }
             pairs.push((a, b));
             let listed = &pairs[before..];
-            let in_crowd = listed.len() % CHECKED_PARTNERS == 0 && is_crowded(a, listed);
+            let in_crowd = listed.len().is_multiple_of(CHECKED_PARTNERS) && is_crowded(a, listed);
             if in_crowd {
                 pairs.truncate(before + CROWDED_PARTNERS);
             }

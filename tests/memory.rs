@@ -1,9 +1,6 @@
-//! What nets take in memory: a cloth as a net and as entities; nets that are drawn, as time goes by.
+//! What a cloth takes in memory, as a net and as entities.
 
-#[path = "../common/mod.rs"]
 mod common;
-#[cfg(feature = "render")]
-mod frames;
 
 use std::sync::Arc;
 
@@ -69,18 +66,13 @@ fn spawn_entities(world: &mut World) {
     world.spawn_batch(springs).for_each(drop);
 }
 
-/// What allocates is measured thread by thread.
-fn run_on_one_thread(app: &mut App) {
-    for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
-        schedule.set_executor(SingleThreadedExecutor::new());
-    }
-}
-
 /// The bytes on the heap that are there after a cloth was spawned and moved for two ticks, and were not before.
 fn bytes(spawn: fn(&mut World), settings: SolverSettings) -> i64 {
     let mut app = app_on(TaskPoolOptions::with_num_threads(1), MassSpringPlugin::default());
     app.insert_resource(settings);
-    run_on_one_thread(&mut app);
+    for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+        schedule.set_executor(SingleThreadedExecutor::new());
+    }
     run(&mut app, 2);
     measure(|| {
         spawn(app.world_mut());
