@@ -90,6 +90,7 @@ pub(super) fn gather(
     mut exemptions: Local<GatheredExemptions>,
 ) {
     gathered.start = Some(Instant::now());
+    bookkeeping.initial.drop_despawned(bookkeeping.entities);
     let (state, simulation) = (&mut *state, &mut *simulation);
     let mut edits = springs::copy_edited_springs(state, simulation, &mut bookkeeping.warnings, &queries.p0());
     if !gathered_nets.relinked_parts.is_empty() {

@@ -1,5 +1,6 @@
 //! Slots for what was added, and empty slots for what was removed; all anew only when too many are empty.
 
+use bevy::ecs::entity::Entities;
 use bevy::ecs::entity_disabling::Disabled;
 use bevy::ecs::query::Allow;
 use bevy::ecs::system::SystemParam;
@@ -67,6 +68,7 @@ pub(super) struct Bookkeeping<'w, 's> {
     pub initial: ResMut<'w, InitialState>,
     pub orphaned_springs: Res<'w, OrphanedSprings>,
     pub commands: Commands<'w, 's>,
+    pub entities: &'w Entities,
 }
 
 pub(super) fn check_particle(

@@ -1,6 +1,8 @@
 //! Snapshots: all that the next ticks depend on, and how it is put back; the initial state is one.
 
-use bevy::ecs::entity::{EntityHashMap, EntityHashSet, EntityMapper, MapEntities, SceneEntityMapper};
+use bevy::ecs::entity::{
+    Entities, EntityHashMap, EntityHashSet, EntityMapper, MapEntities, SceneEntityMapper,
+};
 use bevy::prelude::*;
 
 use crate::bend::Bend;
@@ -230,14 +232,51 @@ impl MapEntities for Snapshot {
     }
 }
 
+/// Number of records of the initial state from which on those of despawned entities are looked for.
+const MIN_RECORDS: usize = 1024;
+
 /// The one initial state. It is recorded as particles and springs are first seen, or taken on request.
 #[derive(Resource, Default)]
-pub(super) struct InitialState(Snapshot);
+pub(super) struct InitialState {
+    snapshot: Snapshot,
+    /// The parts that it holds.
+    parts: EntityHashSet,
+    /// Twice the number of its records when those of despawned entities were dropped last.
+    limit: usize,
+}
+
+impl From<Snapshot> for InitialState {
+    fn from(snapshot: Snapshot) -> Self {
+        let parts = snapshot.parts.iter().map(|part| part.entity).collect();
+        Self { snapshot, parts, limit: 0 }
+    }
+}
 
 impl InitialState {
     /// The entities that it holds.
     pub fn entities(&self) -> EntityHashSet {
-        self.0.entities().into_iter().collect()
+        self.snapshot.entities().into_iter().collect()
+    }
+
+    fn len(&self) -> usize {
+        let Snapshot { particles, springs, nets, parts, bends, colliders, .. } = &self.snapshot;
+        particles.len() + springs.len() + nets.len() + parts.len() + bends.len() + colliders.len()
+    }
+
+    /// Drops the records of entities that were despawned, when there may be as many of them as of others.
+    pub fn drop_despawned(&mut self, entities: &Entities) {
+        if self.len() < self.limit.max(MIN_RECORDS) {
+            return;
+        }
+        let Self { snapshot: Snapshot { particles, springs, nets, parts, bends, colliders, .. }, .. } = self;
+        particles.retain(|record| entities.contains_spawned(record.entity));
+        springs.retain(|record| entities.contains_spawned(record.entity));
+        nets.retain(|record| entities.contains_spawned(record.entity));
+        parts.retain(|record| entities.contains_spawned(record.entity));
+        bends.retain(|(entity, _)| entities.contains_spawned(*entity));
+        colliders.retain(|record| entities.contains_spawned(record.entity));
+        self.parts.retain(|entity| entities.contains_spawned(*entity));
+        self.limit = 2 * self.len();
     }
 
     pub fn record_particle(
@@ -251,7 +290,7 @@ impl InitialState {
             bool,
         ),
     ) {
-        self.0.particles.push(ParticleRecord {
+        self.snapshot.particles.push(ParticleRecord {
             entity,
             particle: *particle,
             translation: transform.translation,
@@ -263,12 +302,12 @@ impl InitialState {
     }
 
     pub fn record_spring(&mut self, entity: Entity, spring: Spring) {
-        self.0.springs.push(SpringRecord { entity, spring, is_broken: false });
+        self.snapshot.springs.push(SpringRecord { entity, spring, is_broken: false });
     }
 
     pub fn record_net(&mut self, entity: Entity, net: &ParticleNet, transform: &Transform) {
         let Transform { translation, rotation, .. } = *transform;
-        self.0.nets.push(NetRecord { entity, net: net.clone(), translation, rotation });
+        self.snapshot.nets.push(NetRecord { entity, net: net.clone(), translation, rotation });
     }
 
     /// Records a part once.
@@ -279,20 +318,20 @@ impl InitialState {
         (transform, velocity, force, is_pinned): (&Transform, Vec3, Option<AppliedForce>, bool),
         state: &PartState,
     ) {
-        if self.0.parts.iter().any(|record| record.entity == entity) {
+        if !self.parts.insert(entity) {
             return;
         }
         let (Transform { translation, rotation, .. }, state) = (*transform, state.clone());
         let record = PartRecord { entity, net, translation, rotation, velocity, force, is_pinned, state };
-        self.0.parts.push(record);
+        self.snapshot.parts.push(record);
     }
 
     pub fn record_bend(&mut self, entity: Entity, bend: Bend) {
-        self.0.bends.push((entity, bend));
+        self.snapshot.bends.push((entity, bend));
     }
 
     pub fn record_collider(&mut self, entity: Entity, collider: ParticleCollider, transform: &Transform) {
-        self.0.colliders.push(ColliderRecord { entity, collider, transform: *transform });
+        self.snapshot.colliders.push(ColliderRecord { entity, collider, transform: *transform });
     }
 }
 
@@ -305,15 +344,36 @@ pub(crate) fn take_initial_state(world: &mut World) {
     let entries = particles.entries.iter_mut().chain(&mut springs.entries).chain(&mut bends.all.entries);
     entries.for_each(|entry| entry.is_recorded = true);
     colliders.iter_mut().for_each(|collider| collider.is_recorded = true);
-    world.resource_mut::<InitialState>().0 = snapshot;
+    *world.resource_mut::<InitialState>() = snapshot.into();
 }
 
 /// See [`RestoreInitialState`](crate::snapshot::RestoreInitialState).
 pub(crate) fn restore_initial_state(world: &mut World) {
-    let snapshot = world.resource::<InitialState>().0.clone();
+    let snapshot = world.resource::<InitialState>().snapshot.clone();
     snapshot.put_back(world);
     *world.resource_mut::<TickReport>() = TickReport::default();
     if let Some(mut measurements) = world.get_resource_mut::<Measurements>() {
         *measurements = Measurements::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_of_despawned_entities_are_dropped() {
+        let (mut world, mut initial) = (World::new(), InitialState::default());
+        let kept: Vec<Entity> = (0..2 * MIN_RECORDS).map(|_| world.spawn_empty().id()).collect();
+        let bend = Bend::new(kept[0], kept[1], kept[2]);
+        kept.iter().for_each(|entity| initial.record_bend(*entity, bend));
+        for _ in 0..10 * MIN_RECORDS {
+            let entity = world.spawn_empty().id();
+            initial.record_bend(entity, bend);
+            world.despawn(entity);
+            initial.drop_despawned(world.entities());
+            assert!(initial.len() <= 2 * kept.len());
+        }
+        assert!(kept.iter().all(|entity| initial.entities().contains(entity)));
     }
 }

@@ -9,7 +9,8 @@ use super::Substep;
 use super::broad_phase::{BroadPhase, should_be_wide};
 use super::chain_search::ChainSearch;
 use super::chains::{ChainPurpose, ChainQuery, Proof};
-use super::grid::{Grid, MAX_PARTNERS};
+use super::crowds::is_crowd;
+use super::grid::Grid;
 use super::list::List;
 use super::memory::ContactMemory;
 use super::pairs::PairContacts;
@@ -20,11 +21,6 @@ const CROWDED_PAIRS: usize = 8;
 
 /// Number of pairs a particle below which they are crowded no longer.
 const SCATTERED_PAIRS: usize = 1;
-
-/// Number of partners whose centres are within this part of the sum of the radii from which on many are a crowd: no motion presses
-/// spheres into each other so deeply, they were put there.
-const DEEP_PARTNERS: usize = 2;
-const DEEP_DISTANCE: f32 = 0.5;
 
 /// The candidate pairs, a cache of [`ContactMemory`].
 #[derive(Debug, Clone, Default)]
@@ -193,16 +189,9 @@ impl Candidates {
             let free = inverse_mass[a as usize] + inverse_mass[b as usize] > 0.0;
             free && !exclusions.contains(a.min(b), a.max(b))
         };
-        let overlap_deeply = |(a, b): &(u32, u32)| {
-            let [a, b] = [*a as usize, *b as usize];
-            let distance = DEEP_DISTANCE * (radius[a] + radius[b]);
-            origins.get(a).distance_squared(origins.get(b)) < distance * distance
-        };
+        let sphere = |slot: u32| (origins.get(slot as usize), radius[slot as usize]);
         let is_crowded = |slot: u32, listed: &[(u32, u32)]| {
-            let are_deep = |listed: &[(u32, u32)]| {
-                listed.iter().filter(|pair| overlap_deeply(pair)).nth(DEEP_PARTNERS - 1).is_some()
-            };
-            !exclusions.is_sprung(slot as usize) && (listed.len() >= MAX_PARTNERS || are_deep(listed))
+            !exclusions.is_sprung(slot as usize) && is_crowd(listed, sphere)
         };
         grid.find_pairs(spheres, (may_collide, is_crowded), found);
     }

@@ -14,21 +14,12 @@ use bevy::math::{IVec3, Vec3, Vec4};
 
 use super::all_pairs::AllPairs;
 use super::cells::{Label, Row, bucket, cell_of};
+use super::crowds::{CHECKED_PARTNERS, CROWDED_PARTNERS, add};
 use crate::solver::parallel;
 use crate::solver::particles::Vectors;
 
 /// Spheres tested together.
 const LANES: usize = 4;
-
-/// Greatest number of listed partners of a sphere in a crowd that are of its own size or larger: the densest packing of spheres
-/// that do not overlap has about half as many within thick skins. (The pairs of n spheres that all overlap are n²/2.)
-pub(super) const MAX_PARTNERS: usize = 64;
-
-/// Each time that so many more have been listed, it is asked whether the sphere is in a crowd.
-const CHECKED_PARTNERS: usize = 16;
-
-/// Number of them that one in a crowd keeps: enough to come apart, and few enough to be solved.
-const CROWDED_PARTNERS: usize = 10;
 
 /// Number of smaller partners that a sphere finds, at most.
 const MAX_SMALLER_PARTNERS: usize = 4096;
@@ -133,16 +124,12 @@ impl Grid {
         (may_collide, is_crowded): (impl Fn(u32, u32) -> bool, impl Fn(u32, &[(u32, u32)]) -> bool),
         found: &mut Vec<(u32, u32)>,
     ) {
-        let Label { slot, class, cell } = self.labels[index];
-        let list = |found: &mut Vec<(u32, u32)>, (first, checked): (usize, usize), a: u32, b: u32| {
-            if !may_collide(a, b) {
-                return ControlFlow::Continue(());
-            }
-            found.push((a, b));
-            let listed = &found[first..];
-            match listed.len().is_multiple_of(checked) && is_crowded(slot, listed) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+        let Label { class, cell, .. } = self.labels[index];
+        let list = |found: &mut Vec<(u32, u32)>, from: (usize, usize), a: u32, b: u32| {
+            if may_collide(a, b) && add(found, from, (a, b), &is_crowded) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
             }
         };
         let first = found.len();
@@ -199,12 +186,7 @@ impl Grid {
             if one != last {
                 (last, before) = (one, pairs.len());
             }
-            if !may_collide(a, b) {
-                return true;
-            }
-            pairs.push((a, b));
-            let listed = &pairs[before..];
-            let in_crowd = listed.len().is_multiple_of(CHECKED_PARTNERS) && is_crowded(a, listed);
+            let in_crowd = may_collide(a, b) && add(pairs, (before, CHECKED_PARTNERS), (a, b), &is_crowded);
             if in_crowd {
                 pairs.truncate(before + CROWDED_PARTNERS);
             }
@@ -336,6 +318,7 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
+    use super::super::crowds::MAX_PARTNERS;
     use super::*;
 
     /// Pseudo-random numbers in 0..1, always the same (a linear congruential generator).

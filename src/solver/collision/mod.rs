@@ -21,6 +21,7 @@ mod cells;
 mod chain_search;
 mod chains;
 mod collider;
+mod crowds;
 mod extents;
 mod feature_search;
 mod features;

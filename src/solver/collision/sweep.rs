@@ -15,7 +15,8 @@ mod slide;
 
 use bevy::math::{DVec3, Vec3};
 
-use super::grid::{Grid, MAX_PARTNERS};
+use super::crowds::MAX_PARTNERS;
+use super::grid::Grid;
 use crate::solver::particles::{Particles, Vectors};
 pub(super) use slide::Response;
 use slide::Slide;
