@@ -234,7 +234,7 @@ fn among_colliders() -> Solver {
 fn heap() -> Solver {
     let mut solver = Solver::default();
     let cloth = common::colliding::Cloth {
-        cells: 40,
+        cells: 24,
         size: 1.0,
         radius: 0.008,
         stiffness: 50.0,
