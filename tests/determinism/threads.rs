@@ -11,8 +11,8 @@ use bevy_mass_spring::prelude::*;
 
 use crate::common::{self, *};
 use crate::scenes::{
-    COLLIDER_TICKS, SLEEP_TICKS, dense_pile, histories_among_colliders, large_scene, nets_in_wind,
-    ropes_that_touch_nothing, scene, sleeping_pile,
+    COLLIDER_TICKS, HEAP_TICKS, SLEEP_TICKS, dense_pile, histories_among_colliders, large_scene,
+    nets_in_wind, ropes_that_touch_nothing, scene, sleeping_pile,
 };
 use crate::{assert_same, history, history_of};
 
@@ -251,7 +251,7 @@ fn the_number_of_threads_does_not_matter_to_nets() {
 fn the_number_of_threads_does_not_matter_among_colliders() {
     let name = "threads::child_prints_the_history_among_colliders";
     let one = history_on(1, name);
-    assert_eq!(one.len(), 7 * COLLIDER_TICKS as usize);
+    assert_eq!(one.len(), (5 * COLLIDER_TICKS + 2 * HEAP_TICKS) as usize);
     assert!(one.windows(2).all(|pair| pair[0] != pair[1]), "something moves in every tick");
     for threads in [2, 3, 8] {
         assert_same(&one, &history_on(threads, name), &format!("the run on {threads} threads"));
