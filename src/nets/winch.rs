@@ -40,8 +40,8 @@ pub struct Winch {
     /// is held: a stalled winch pays nothing out. What a load that stops within a tick has it take in too much, it pays out
     /// again in the next ones. Default `None`: it pulls with any force.
     ///
-    /// It knows the tension as the scheme does: `Auto` and the implicit schemes hold it to a percent,
-    /// [`Xpbd`](crate::Integrator::Xpbd), whose links converge with the substeps, may be far from it with few of them.
+    /// The tension is that of the scheme: `Auto` and the implicit schemes hold it to a percent. Under
+    /// [`Xpbd`](crate::Integrator::Xpbd) tensions converge with the substeps, and with few of them may be far from it.
     pub max_force: Option<f32>,
     /// Taking in ends at this rest length, m, finite and >= 0, and at half a link in any case. Default 0.
     pub min_length: f32,

@@ -116,7 +116,8 @@ impl Snapshot {
     /// that load are to be laid out.
     ///
     /// # Errors
-    /// If the world has another number of particles, springs, bends, nets or colliders. Nothing is changed then.
+    /// If the world has another number of particles, springs, bends, nets, parts or colliders. Nothing is put back then; recipes are
+    /// laid out and attachments tied all the same, as the next tick would do.
     ///
     /// # Panics
     /// If the world is without [`MassSpringPlugin`](crate::MassSpringPlugin).

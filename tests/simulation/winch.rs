@@ -159,7 +159,7 @@ fn a_rope_is_taken_in_without_a_jerk() {
         (Integrator::ImplicitEuler, SubstepMode::Fixed(1)),
         (Integrator::VelocityVerlet, SubstepMode::Auto),
         (Integrator::TrBdf2, SubstepMode::Fixed(2)),
-        // It has the tension of 21 links as well as its substeps let it converge.
+        // The tension of 21 links converges with the substeps.
         (Integrator::Xpbd, SubstepMode::Fixed(400)),
     ] {
         run(-0.4, 240, integrator, substeps);
@@ -173,7 +173,7 @@ fn a_rope_is_paid_out_without_a_jerk() {
         (Integrator::ImplicitEuler, SubstepMode::Fixed(1)),
         (Integrator::VelocityVerlet, SubstepMode::Auto),
         (Integrator::TrBdf2, SubstepMode::Fixed(2)),
-        // It has the tension of 21 links as well as its substeps let it converge.
+        // The tension of 21 links converges with the substeps.
         (Integrator::Xpbd, SubstepMode::Fixed(400)),
     ] {
         run(0.4, 200, integrator, substeps);

@@ -163,7 +163,7 @@ fn a_winch_stalls_at_its_greatest_force() {
     });
 }
 
-/// Xpbd knows tensions as well as its substeps let it converge: to a tenth with 400 of them and 26 links.
+/// Tensions under Xpbd converge with its substeps: to a tenth with 400 of them and 26 links.
 #[test]
 fn a_winch_stalls_near_its_greatest_force_under_xpbd() {
     let mut crane = Crane::new(RopeMaterial::RUBBER_CORD, 30.0, 7.5, Integrator::Auto, 1.0 / 60.0);

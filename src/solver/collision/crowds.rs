@@ -7,21 +7,22 @@ use bevy::math::Vec3;
 /// that do not overlap has about half as many within thick skins.
 pub(super) const MAX_PARTNERS: usize = 64;
 
-/// Each time that so many more have been listed, it is asked whether the sphere is in a crowd.
+/// Interval, in listed partners, at which [`is_crowd`] is evaluated.
 pub(super) const CHECKED_PARTNERS: usize = 16;
 
-/// Number of them that one in a crowd keeps: enough to come apart, and few enough to be solved.
+/// Number of partners that are kept of a sphere in a crowd: enough to come apart, and few enough to be solved.
 pub(super) const CROWDED_PARTNERS: usize = 10;
 
-/// Number of partners whose centres are within [`DEEP_DISTANCE`] from which on many are a crowd: no motion presses spheres into each other
-/// so deeply, they were put there.
+/// Least number of partners with centres within [`DEEP_DISTANCE`] in a crowd. Impacts do not cause overlaps of that depth: such spheres
+/// were spawned or moved into each other.
 const DEEP_PARTNERS: usize = 2;
 
-/// A part of the sum of the radii.
+/// Distance of the centres in a deep overlap, as a part of the sum of the radii.
 const DEEP_DISTANCE: f32 = 0.5;
 
-/// Adds a pair to those of its first sphere, from the number `first` on; whether that is in a crowd. It is asked after each `checked` pairs.
-pub(super) fn add(
+/// Appends a pair to those of its first sphere, which begin at the index `first`; whether that sphere is in a crowd, evaluated at every
+/// `checked`-th pair.
+pub(super) fn push_pair(
     pairs: &mut Vec<(u32, u32)>,
     (first, checked): (usize, usize),
     pair: (u32, u32),
@@ -51,14 +52,10 @@ mod tests {
         let listed: Vec<(u32, u32)> = (1..=16).map(|other| (0, other)).collect();
         // Spheres of 1 m: `deep` of them at 0.9 m, the others at 1.5 m.
         let is_crowd_with = |deep: u32| {
-            let place = |slot: u32| {
-                if slot == 0 {
-                    0.0
-                } else if slot <= deep {
-                    0.9
-                } else {
-                    1.5
-                }
+            let place = |slot: u32| match slot {
+                0 => 0.0,
+                _ if slot <= deep => 0.9,
+                _ => 1.5,
             };
             is_crowd(&listed, |slot| (Vec3::X * place(slot), 1.0))
         };

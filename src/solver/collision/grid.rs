@@ -14,7 +14,7 @@ use bevy::math::{IVec3, Vec3, Vec4};
 
 use super::all_pairs::AllPairs;
 use super::cells::{Label, Row, bucket, cell_of};
-use super::crowds::{CHECKED_PARTNERS, CROWDED_PARTNERS, add};
+use super::crowds::{CHECKED_PARTNERS, CROWDED_PARTNERS, push_pair};
 use crate::solver::parallel;
 use crate::solver::particles::Vectors;
 
@@ -126,7 +126,7 @@ impl Grid {
     ) {
         let Label { class, cell, .. } = self.labels[index];
         let list = |found: &mut Vec<(u32, u32)>, from: (usize, usize), a: u32, b: u32| {
-            if may_collide(a, b) && add(found, from, (a, b), &is_crowded) {
+            if may_collide(a, b) && push_pair(found, from, (a, b), &is_crowded) {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())
@@ -186,7 +186,8 @@ impl Grid {
             if one != last {
                 (last, before) = (one, pairs.len());
             }
-            let in_crowd = may_collide(a, b) && add(pairs, (before, CHECKED_PARTNERS), (a, b), &is_crowded);
+            let in_crowd =
+                may_collide(a, b) && push_pair(pairs, (before, CHECKED_PARTNERS), (a, b), &is_crowded);
             if in_crowd {
                 pairs.truncate(before + CROWDED_PARTNERS);
             }

@@ -8,7 +8,7 @@ use super::Stage;
 use crate::nets_sync::shapes::{cloth, rope, spawn_net, with_bends};
 
 impl Stage {
-    /// A sheet that lies on a ball and is torn by a weight, a rope with a winch, one whose end is tied to a weight that
+    /// A sheet that lies on a ball and is torn by a weight, a rope with a winch, one with its end tied to a weight that
     /// breaks off, and a rod of particles that are entities, above a floor that moves.
     pub(super) fn nets(&mut self) {
         self.pile(6);
