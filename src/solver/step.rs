@@ -92,6 +92,10 @@ pub(crate) fn step(
     let plan = caches.plan_touching(state, settings, properties, plan);
     outputs.begin_tick(plan);
     caches.prepare(state, plan);
+    if !plan.is_implicit() {
+        let State { contacts, sleep, .. } = &mut *state;
+        contacts.forces.keep_asleep(|slot| sleep.is_asleep(slot));
+    }
     state.particles.note_applied_forces();
     for motion in &inputs.pinned {
         state.particles.position.set(motion.slot, motion.start);

@@ -48,7 +48,7 @@ pub(super) struct Candidates {
 impl Candidates {
     /// There are `count` particles, and no pairs among them.
     pub fn disable(&mut self, memory: &mut ContactMemory, count: usize) {
-        memory.clear();
+        memory.clear_pairs();
         self.list.clear();
         self.groups.clear();
         self.regions.set_single(count);

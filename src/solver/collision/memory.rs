@@ -1,6 +1,7 @@
 //! The part of the state that belongs to contacts: what the next ticks depend on, beside particles, springs and colliders.
 
 use super::broad_phase::BroadPhase;
+use super::contact_forces::ContactForces;
 use super::pairs::Impulses;
 use super::surface::Grip;
 use crate::solver::state::Version;
@@ -27,6 +28,8 @@ pub struct ContactMemory {
     dormant_overlaps: Vec<[u32; 2]>,
     /// Where surfaces stick to each other.
     pub(super) grips: Vec<Grip>,
+    /// The contacts of implicit steps.
+    pub(in crate::solver) forces: ContactForces,
     /// Whether the particle in each slot was a sphere in the last search.
     pub(super) searched: Vec<bool>,
     pub(super) version: Version,
@@ -44,13 +47,20 @@ pub(super) struct RememberedContact {
 impl ContactMemory {
     /// Resets it, as if the simulation had just started.
     pub fn clear(&mut self) {
-        if !self.is_empty() {
-            *self = Self { version: Version::new(), ..Self::default() };
+        self.clear_pairs();
+        self.forces = ContactForces::default();
+    }
+
+    /// Resets all but the forces in implicit steps.
+    pub(super) fn clear_pairs(&mut self) {
+        if !self.has_no_pairs() {
+            let forces = std::mem::take(&mut self.forces);
+            *self = Self { forces, version: Version::new(), ..Self::default() };
         }
     }
 
-    /// Whether nothing is remembered.
-    fn is_empty(&self) -> bool {
+    /// Whether nothing is remembered of pairs and of the search for them.
+    fn has_no_pairs(&self) -> bool {
         let Self {
             broad_phase,
             wide,
@@ -114,6 +124,7 @@ impl ContactMemory {
     /// removed, and the particles on springs that it overlaps now do not collide with it until they part.
     pub fn clear_particle(&mut self, slot: usize) {
         self.grips.retain(|grip| !grip.is_of(slot));
+        self.forces.clear_particle(slot);
         if let Some(searched) = self.searched.get_mut(slot).filter(|searched| **searched) {
             *searched = false;
             self.request_search();
@@ -137,6 +148,7 @@ impl ContactMemory {
             initial_overlaps.iter_mut().for_each(|pair| pair.sort_unstable());
         }
         self.grips.retain_mut(|grip| grip.renumber(new_slot));
+        self.forces.renumber(new_slot);
         let old = std::mem::replace(&mut self.searched, vec![false; count]);
         for (searched, new) in old.into_iter().zip(new_slots) {
             if let Some(place) = new.and_then(|new| self.searched.get_mut(new as usize)) {

@@ -37,7 +37,7 @@ impl Caches {
         settings: &StepSettings,
         (index, elapsed): (SubstepIndex, f32),
     ) {
-        let State { particles, elements, contacts, pulls, .. } = state;
+        let State { particles, elements, contacts, pulls, sleep, .. } = state;
         if elements.any_ramps() {
             elements.ramp_to(elapsed);
         }
@@ -52,6 +52,7 @@ impl Caches {
         let around = (surroundings, &mut self.surfaces);
         let acceleration = &mut self.scratch.acceleration;
         self.implicit_euler.advance(elements, particles, field, acceleration, around, Some(pulls), duration);
+        self.implicit_euler.remember_forces(contacts, sleep);
         self.endpoints.end(particles);
         // Where colliders are at the end of a long step is not known yet.
         if !self.contacts.any_moving() {

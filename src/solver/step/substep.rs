@@ -89,7 +89,7 @@ impl Caches {
         if let Some(in_step) = in_step {
             self.advance_stiff(state, inputs, settings, (in_step, step_end));
         }
-        let State { particles, elements, contacts, pulls, .. } = state;
+        let State { particles, elements, contacts, pulls, sleep, .. } = state;
         let field = Field::of(settings, self.air.load());
         let surroundings = surroundings((&self.contacts, contacts), inputs, settings, step_end);
         let Self { blocks, colouring, implicit_euler, interleaved, scratch, surfaces, .. } = self;
@@ -109,6 +109,9 @@ impl Caches {
             (implicit_euler, pulls, surfaces),
             substep,
         );
+        if plan.integrator.is_implicit() {
+            implicit_euler.remember_forces(contacts, sleep);
+        }
         if let Some(in_step) = in_step {
             interleaved.after_substep(particles, &mut scratch.acceleration, in_step);
         }

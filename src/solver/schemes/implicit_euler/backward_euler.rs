@@ -3,8 +3,8 @@
 
 use super::contacts::{Motion, PairFilter};
 use super::system::System;
-use super::{Island, Step};
-use crate::solver::collision::{ContactRecord, Surroundings};
+use super::{Island, Step, Touched};
+use crate::solver::collision::Surroundings;
 use crate::solver::particles::{Particles, Vectors};
 
 impl Island {
@@ -25,6 +25,7 @@ impl Island {
             if obstacles.any_thin() {
                 contacts.add_features(&motion, features, (obstacles, surroundings));
             }
+            contacts.recall(memory, elimination);
             contacts.estimate_forces(flight);
             if !surfaces.is_empty() || contacts.has_features {
                 system.begin_low(elimination);
@@ -58,7 +59,7 @@ impl Island {
         step: Step,
         particles: &mut Particles,
         acceleration: &mut Vectors,
-        touching: &mut Vec<ContactRecord>,
+        touched: &mut Touched,
     ) {
         let Step { elements, field, h, .. } = step;
         self.stages.clear();
@@ -77,7 +78,8 @@ impl Island {
         }
         let System { contacts, position, start_pull, .. } = &mut *system;
         let rebounds = may_rebound && contacts.begin_rebound(position, start_pull, resting_speed, h);
-        system.contacts.records(elimination, &system.position, h, |record| touching.push(record));
+        system.contacts.records(elimination, &system.position, h, |record| touched.records.push(record));
+        system.contacts.forces(elimination, |force| touched.forces.push(force));
         if rebounds {
             system.load = 0.0;
             newton.solve_once(system, elimination);

@@ -7,8 +7,8 @@
 
 use bevy::math::Vec3;
 
-use super::{Island, Step};
-use crate::solver::collision::{ContactRecord, StiffContact, StiffPair, StiffPairs, Surfaces, Surroundings};
+use super::{Island, Step, Touched};
+use crate::solver::collision::{StiffContact, StiffPair, StiffPairs, Surfaces, Surroundings};
 use crate::solver::graph::Elimination;
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
@@ -86,7 +86,7 @@ impl Clusters {
         step: Step,
         particles: &mut Particles,
         acceleration: &mut Vectors,
-        touching: &mut Vec<ContactRecord>,
+        touched: &mut Touched,
         mut pulls: Option<&mut Pulls>,
     ) {
         self.find_nearby(islands, advanced, step, particles);
@@ -113,9 +113,9 @@ impl Clusters {
                     particles.position.set(slot, position.get(slot));
                     particles.velocity.set(slot, velocity.get(slot));
                 }
-                touching.retain(|record| island.node_of[record.slot] == u32::MAX);
+                touched.retain(|slot| island.node_of[slot] == u32::MAX);
                 island.exclude_pairs(particles, step.elements);
-                island.advance_backward_euler(step, particles, acceleration, touching);
+                island.advance_backward_euler(step, particles, acceleration, touched);
                 if let Some(pulls) = &mut pulls {
                     island.keep_pulls(particles, pulls);
                 }

@@ -4,10 +4,11 @@ use bevy::math::DVec3;
 
 use super::block::Symmetric;
 use super::follow::Followed;
+use super::friction::{FrictionState, Slip};
 use super::system::Compound;
-use crate::solver::collision::Obstacle;
+use crate::solver::collision::{ContactEnds, Obstacle};
 use crate::solver::elements::MAX_ENDS;
-use crate::solver::graph::Linked;
+use crate::solver::graph::{Elimination, Linked};
 
 /// K of contacts of surfaces, at most, as a multiple of the inertia.
 const SURFACE_STIFFENING: f64 = 100.0;
@@ -45,6 +46,8 @@ pub(super) struct Contact {
     pub force: f64,
     /// How far it was beyond `allowed` there, m.
     pub depth: f64,
+    /// How far it was beyond `allowed` in the last solution that came close enough, m.
+    pub last_depth: f64,
     /// The force of the solution before, N: see `contacts.rs`.
     pub multiplier: f64,
     /// The normal force that friction goes by, N.
@@ -54,7 +57,7 @@ pub(super) struct Contact {
     /// The force of friction where it was linearised last, N.
     pub rubbing: DVec3,
     /// What friction was there.
-    pub(super) friction_history: FrictionHistory,
+    pub friction_state: FrictionState,
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
@@ -119,11 +122,12 @@ impl Contact {
             normal: DVec3::ZERO,
             force: 0.0,
             depth: 0.0,
+            last_depth: f64::INFINITY,
             multiplier: 0.0,
             lagged: 0.0,
             rebound: 0.0,
             rubbing: DVec3::ZERO,
-            friction_history: FrictionHistory::default(),
+            friction_state: FrictionState::Unknown,
             restitution: 0.0,
             friction: 0.0,
             max_depth: f64::INFINITY,
@@ -135,6 +139,20 @@ impl Contact {
     /// Whether it is a single particle that touches.
     pub fn is_particle(&self) -> bool {
         self.count == 0 && !matches!(self.partner, Partner::Surface { .. })
+    }
+
+    /// Its particles that can move, if the next step begins with its force.
+    pub fn ends(&self, elimination: &Elimination) -> Option<ContactEnds> {
+        let slot = |node: usize| elimination.slots[node];
+        match self.partner {
+            Partner::Obstacle(_) => {
+                let others = self.others[..self.count].iter().map(|(node, _)| *node);
+                let free = others.chain([self.node]).filter(|node| *node < elimination.free);
+                Some(ContactEnds::of(free.map(slot)))
+            }
+            Partner::Node { node, .. } => Some(ContactEnds::of_pair([slot(self.node), slot(node)])),
+            Partner::Surface { .. } => None,
+        }
     }
 
     /// K, N/m, where it is to be this multiple of the inertia. Surfaces yield by parts of their thickness, so that theirs need not be so
@@ -199,10 +217,12 @@ impl Contact {
         self.point(position) - other - self.origin
     }
 
-    /// The slip along the surface, m.
-    fn slip(&self, position: &[DVec3], normal: DVec3) -> DVec3 {
+    /// The slip along the surface; `creep` in m.
+    fn slip(&self, position: &[DVec3], normal: DVec3, creep: f64) -> Slip {
         let displacement = self.displacement(position);
-        displacement - normal * displacement.dot(normal)
+        let limit = self.friction * self.lagged;
+        let creep = self.creep(creep, limit);
+        Slip { displacement: displacement - normal * displacement.dot(normal), limit, creep }
     }
 
     /// Its energy at these positions, J; `stiffness` is K as a multiple of the inertia, `creep` in m.
@@ -210,9 +230,7 @@ impl Contact {
         let (gap, normal) = self.gap(position);
         let stiffness = self.stiffness(stiffness);
         let force = (self.multiplier + stiffness * (self.allowed - gap)).max(0.0);
-        let limit = self.friction * self.lagged;
-        let friction = sliding_friction(self.slip(position, normal), limit, self.creep(creep, limit));
-        0.5 * force * force / stiffness + friction.energy
+        0.5 * force * force / stiffness + self.slip(position, normal, creep).energy()
     }
 
     /// Finds the normal force at these positions; the normal.
@@ -225,26 +243,30 @@ impl Contact {
     }
 
     /// Adds what it contributes at these positions; its energy in J.
-    pub fn linearise(&mut self, position: &[DVec3], stiffness: f64, creep: f64, sums: &mut Sums) -> f64 {
+    pub fn linearise(
+        &mut self,
+        position: &[DVec3],
+        (stiffness, creep, is_whole_step): (f64, f64, bool),
+        sums: &mut Sums,
+    ) -> f64 {
         let normal = self.press(position, stiffness);
         let stiffness = self.stiffness(stiffness);
-        let limit = self.friction * self.lagged;
-        let slip = self.slip(position, normal);
-        let friction = match self.friction_history.will_stick(slip.length(), limit) {
-            true => sticking_friction(slip, limit, self.creep(creep, limit)),
-            false => sliding_friction(slip, limit, self.creep(creep, limit)),
-        };
-        self.friction_history.next(slip.length(), friction.stiffness);
-        self.rubbing = friction.force.clamp_length_max(limit);
-        if self.force == 0.0 && limit == 0.0 {
+        let slip = self.slip(position, normal, creep);
+        // In a part of a step what sticks comes a part of the way only.
+        if is_whole_step || self.friction_state != FrictionState::Sticking || slip.limit == 0.0 {
+            self.friction_state = self.friction_state.next(slip);
+        }
+        let friction = slip.friction(self.friction_state);
+        self.rubbing = friction.force.clamp_length_max(slip.limit);
+        if self.force == 0.0 && slip.limit == 0.0 {
             return 0.0;
         }
         let along = if self.force > 0.0 { stiffness } else { 0.0 };
-        self.add(normal * self.force + friction.force, [along, friction.stiffness], sums);
+        self.add(normal * self.force + friction.force, friction.block(normal, along), sums);
         if self.force > 0.0 {
             self.add_turning(sums);
         }
-        0.5 * self.force * self.force / stiffness + friction.energy
+        0.5 * self.force * self.force / stiffness + slip.energy()
     }
 
     /// The speed, at most, at which the forces `pull` on the nodes, N, press the two together within `h` seconds from
@@ -259,13 +281,13 @@ impl Contact {
     pub fn send_back(&self, stiffness: f64, sums: &mut Sums) {
         if self.force > 0.0 {
             let stiffness = self.stiffness(stiffness);
-            self.add(self.normal * (stiffness * self.rebound), [stiffness, 0.0], sums);
+            let block = Symmetric::uniaxial(self.normal, stiffness, 0.0);
+            self.add(self.normal * (stiffness * self.rebound), block, sums);
         }
     }
 
-    /// Adds a force on the particle, and a stiffness along and across the normal, N/m.
-    fn add(&self, force: DVec3, [along, across]: [f64; 2], sums: &mut Sums) {
-        let block = Symmetric::uniaxial(self.normal, along, across);
+    /// Adds a force on the particle, N, and a stiffness, N/m.
+    fn add(&self, force: DVec3, block: Symmetric, sums: &mut Sums) {
         if !self.is_particle() {
             self.add_to_all(force, block, sums);
             return;
@@ -303,55 +325,4 @@ impl Contact {
         let nodes = Linked::new(u32::MAX, &nodes[..=self.count]);
         sums.compounds.push(Compound { nodes, weights, block });
     }
-}
-
-/// The friction of one linearisation, and the slip there, m; the force by which it held in the solution before, N.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct FrictionHistory {
-    slip: f64,
-    stiffness: f64,
-    force: f64,
-}
-
-impl FrictionHistory {
-    /// Whether a force of less than `limit` N will stop a slip that has become this, m.
-    ///
-    /// The quadratics of [`sliding_friction`] come nearer to what sticks by a part of the way only, the nearer to sliding the slower. The force
-    /// that stops it is extrapolated from the last two solutions, of which this one was held by `stiffness` · slip.
-    fn will_stick(&self, slip: f64, limit: f64) -> bool {
-        let force = self.stiffness * slip;
-        let force_grew = slip < self.slip && force > self.force;
-        force_grew && force + (force - self.force) * slip / (self.slip - slip) <= limit
-    }
-
-    /// Takes note of a linearisation.
-    fn next(&mut self, slip: f64, stiffness: f64) {
-        *self = Self { slip, stiffness, force: self.stiffness * slip };
-    }
-}
-
-/// What friction contributes.
-struct Friction {
-    energy: f64,
-    force: DVec3,
-    /// Along the surface, N/m.
-    stiffness: f64,
-}
-
-/// Friction against a slip of at most `limit` N: its potential is limit · ‖slip‖, but quadratic below `creep` m.
-fn sliding_friction(slip: DVec3, limit: f64, creep: f64) -> Friction {
-    let length = slip.length();
-    let weight = if limit > 0.0 { limit / length.max(creep) } else { 0.0 };
-    let energy = match length < creep {
-        true => 0.5 * weight * length * length,
-        false => limit * (length - 0.5 * creep),
-    };
-    // The quadratic that touches the potential from above: a step never overshoots.
-    Friction { energy, force: slip * -weight, stiffness: weight }
-}
-
-/// Friction that holds, in search of where it does: as stiff as below `creep` m, at any slip.
-fn sticking_friction(slip: DVec3, limit: f64, creep: f64) -> Friction {
-    let stiffness = limit / creep;
-    Friction { force: slip * -stiffness, stiffness, ..sliding_friction(slip, limit, creep) }
 }

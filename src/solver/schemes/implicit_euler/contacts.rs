@@ -11,10 +11,15 @@
 //! the island respond to the contact within the same step, so that no spring is compressed by it. A barrier (Li et al., *Incremental
 //! potential contact*, 2020) would take many more Newton steps, and would push from a distance.
 //!
-//! Coulomb friction is lagged (Li et al., 2020, section 5): the step is solved, then again with a potential μ N φ(‖u‖)
-//! of the slip u along the surface, where N is the normal force of the last solution and φ is ‖u‖, but
-//! quadratic below [`CREEP`] m/s. Newton's method takes quadratics that touch it from above, or, where the last two solutions say that
-//! less than the limit holds, the one of what sticks.
+//! K grows only where the forces of the solution before have not taken most of the depth away.
+//!
+//! Coulomb friction is lagged (Li et al., 2020, section 5): the step is solved with a potential μ N φ(‖u‖) of the slip u along the
+//! surface (`friction.rs`), where N is the normal force of the solution before, and again where N has changed by more than
+//! [`FRICTION_TOLERANCE`]. φ is ‖u‖, but quadratic below [`CREEP`] m/s.
+//!
+//! A step begins with the contact forces of the one before, and with what stuck there (`contact_forces.rs`), so that few contacts have to be
+//! found anew. Without that, the friction of a rope that is wound round a pole for several turns would never settle: each turn depends on
+//! the normal forces of the last one, and would need a solution more.
 //!
 //! Restitution: after the step, what has approached at the speed u is sent back at ε u, and the whole island answers
 //! to it by the same linear system.
@@ -24,8 +29,9 @@ use std::ops::Range;
 use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner, Sums};
+use super::friction::FrictionState;
 use super::newton::MAX_STEPS;
-use crate::solver::collision::{ContactMemory, Obstacles, StiffPair, Surroundings};
+use crate::solver::collision::{Assigned, ContactForce, ContactMemory, Obstacles, StiffPair, Surroundings};
 use crate::solver::graph::{Elimination, Exclusions};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
@@ -57,8 +63,15 @@ pub(super) const RECOVERY_SPEED: f64 = 0.1;
 /// Below this speed friction is viscous, m/s: what sticks creeps by less.
 const CREEP: f64 = 1e-5;
 
-/// Number of solutions with friction: each with the normal forces of the one before.
-const FRICTION_PASSES: usize = 2;
+/// How far the limits of friction may be from those that a solution went by, as a part of their sum.
+const FRICTION_TOLERANCE: f64 = 0.02;
+
+/// What a solution may leave of the greatest depth of the one before; where it is more, K grows.
+pub(super) const MAX_REST: f64 = 0.25;
+
+/// The part of the depth that may be left by which a contact holds less than in the step before: the forces of stiff nets with many contacts
+/// would drift apart, as the rounding of positions adds to them in each step.
+const LEAK: f64 = 0.5;
 
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
@@ -89,9 +102,13 @@ pub(super) struct Contacts {
     pub(super) reach: f64,
     /// Whether there are any of edges and faces with obstacles.
     pub(super) has_features: bool,
+    /// The depth of what was deepest after the last solution that came close enough, m.
+    deepest: f64,
     mode: Mode,
     /// The part of their forces with which those from outside are published.
     pub(super) published_share: f64,
+    /// Whether the next linearisation follows a whole Newton step.
+    pub is_whole_step: bool,
     /// Whether other contacts held in the last linearisation than in the one before.
     pub changed: bool,
 }
@@ -154,11 +171,11 @@ impl Contacts {
         let Motion { elimination, particles, start, flight, inertia, h } = *motion;
         self.contacts.clear();
         self.mode = Mode::Step;
-        (self.changed, self.has_features) = (false, false);
+        (self.changed, self.has_features, self.is_whole_step) = (false, false, false);
         let free = 0..elimination.free;
         let longest = max_displacement(free.clone(), start, flight);
         (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
-        (self.published_share, self.goes_on) = (1.0, false);
+        (self.published_share, self.goes_on, self.deepest) = (1.0, false, f64::INFINITY);
         self.max_depth = SOFTNESS * longest;
         self.creep = CREEP * h;
         self.reach = least_reach.max(REACH * longest);
@@ -187,11 +204,10 @@ impl Contacts {
                         return;
                     }
                     let approach = (surface_displacement - (flight[node] - start[node])).dot(normal) / h;
-                    let allowed = (gap + RECOVERY_SPEED * h).min(0.0);
                     self.contacts.push(Contact {
                         radius,
                         inertia: inertia[node],
-                        allowed,
+                        allowed: (gap + RECOVERY_SPEED * h).min(0.0),
                         origin: start[node] + surface_displacement + h * obstacle.sliding(),
                         approach,
                         normal,
@@ -213,11 +229,12 @@ impl Contacts {
             let reach = radius + other_radius;
             let apart = start[node] - start[other];
             let approach = (apart - (flight[node] - flight[other])).dot(*normal) / h;
+            let gap = apart.dot(*normal) - reach;
             let partner = Partner::Node { node: other, normal: *normal, reach };
             self.contacts.push(Contact {
                 radius,
                 inertia: 1.0 / (1.0 / inertia[node] + 1.0 / inertia[other]),
-                allowed: (apart.dot(*normal) - reach + RECOVERY_SPEED * h).min(0.0),
+                allowed: (gap + RECOVERY_SPEED * h).min(0.0),
                 origin: apart,
                 approach,
                 normal: *normal,
@@ -225,6 +242,35 @@ impl Contacts {
                 friction: f64::from(rules.friction),
                 ..Contact::new(node, partner)
             });
+        }
+    }
+
+    /// To be called when all contacts have been added: they begin with the forces of the last step.
+    pub fn recall(&mut self, memory: &ContactMemory, elimination: &Elimination) {
+        if memory.forces.is_empty() {
+            return;
+        }
+        let mut assigned = Assigned::default();
+        for contact in &mut self.contacts {
+            let Some(ends) = contact.ends(elimination) else { continue };
+            if let Some(known) = memory.forces.find(ends, contact.normal, &mut assigned) {
+                contact.lagged = f64::from(known.force);
+                let leak = LEAK * self.max_depth * self.stiffness * contact.inertia;
+                contact.multiplier = (contact.lagged - leak).max(0.0);
+                contact.friction_state =
+                    if known.sticks { FrictionState::Sticking } else { FrictionState::Unknown };
+            }
+        }
+    }
+
+    /// Calls `remember` with the forces at the end of the step.
+    pub fn forces(&self, elimination: &Elimination, mut remember: impl FnMut(ContactForce)) {
+        for contact in &self.contacts {
+            let (normal, force) = (contact.normal.as_vec3(), contact.force as f32);
+            if let Some(ends) = contact.ends(elimination).filter(|_| force > 0.0 && force.is_finite()) {
+                let sticks = contact.friction_state == FrictionState::Sticking;
+                remember(ContactForce { ends, normal, force, sticks });
+            }
         }
     }
 
@@ -290,14 +336,17 @@ impl Contacts {
         for contact in &mut self.contacts {
             contact.press(position, self.stiffness);
         }
-        let mut rubs = false;
         let mut deepest = 0.0_f64;
-        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
-            rubs |= contact.friction > 0.0;
-            if !matches!(contact.partner, Partner::Surface { .. }) {
+        // Of the limits of friction: how far they are from those that this solution went by, and their sum, N.
+        let (mut change, mut sum) = (0.0, 0.0);
+        for contact in &self.contacts {
+            change += contact.friction * (contact.force - contact.lagged).abs();
+            sum += contact.friction * contact.force;
+            if contact.force > 0.0 && !matches!(contact.partner, Partner::Surface { .. }) {
                 deepest = deepest.max(contact.depth.abs());
             }
         }
+        let rubs = change > FRICTION_TOLERANCE * sum;
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
             // Many contacts of surfaces do the same: which of them hold is not found to the last one.
@@ -315,11 +364,15 @@ impl Contacts {
             true => is_solved && self.stiffen(),
             false => deepest > self.max_depth,
         };
-        if is_deep && !self.has_features {
-            self.stiffness *= GROWTH;
+        if is_solved {
+            // The forces of the solution before take most of the depth away, if K is great enough.
+            if is_deep && !self.has_features && deepest > MAX_REST * self.deepest {
+                self.stiffness *= GROWTH;
+            }
+            self.deepest = deepest;
         }
         let max_passes = if self.goes_on && !is_solved { MAX_PASSES } else { self.max_passes };
-        let is_due = is_deep || !is_solved || (rubs && self.passes <= FRICTION_PASSES);
+        let is_due = is_deep || !is_solved || rubs;
         any_harder || (is_due && self.any() && self.passes < max_passes)
     }
 
@@ -331,7 +384,7 @@ impl Contacts {
     /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J. `start` is where
     /// the nodes were when the step began.
     pub fn linearise(&mut self, [position, start]: [&[DVec3]; 2], mut sums: Sums) -> f64 {
-        let Self { contacts, stiffness, creep, mode, changed, .. } = self;
+        let Self { contacts, stiffness, creep, mode, changed, is_whole_step, .. } = self;
         *changed = false;
         let mut energy = 0.0;
         for contact in contacts {
@@ -340,9 +393,9 @@ impl Contacts {
                 continue;
             }
             contact.follow(position, start);
-            let was_held = contact.force > 0.0;
-            energy += contact.linearise(position, *stiffness, *creep, &mut sums);
-            *changed |= was_held != (contact.force > 0.0);
+            let (was_held, friction) = (contact.force > 0.0, contact.friction_state);
+            energy += contact.linearise(position, (*stiffness, *creep, *is_whole_step), &mut sums);
+            *changed |= was_held != (contact.force > 0.0) || friction.differs(contact.friction_state);
         }
         energy
     }

@@ -12,7 +12,7 @@
 use bevy::math::DVec3;
 
 use super::contact::{Contact, Partner};
-use super::contacts::{Contacts, Motion, RECOVERY_SPEED};
+use super::contacts::{Contacts, MAX_REST, Motion, RECOVERY_SPEED};
 use super::follow::{Followed, KEPT};
 use super::{Island, Step};
 use crate::solver::collision::{Feature, Obstacle, Obstacles, Surroundings, sum, weigh};
@@ -179,7 +179,7 @@ impl Contacts {
     /// To be called when all contacts have been added: estimates the normal forces that friction goes by, where features may touch.
     pub fn estimate_forces(&mut self, flight: &[DVec3]) {
         if self.has_features {
-            for contact in &mut self.contacts {
+            for contact in self.contacts.iter_mut().filter(|contact| contact.multiplier == 0.0) {
                 let (gap, _) = contact.gap(flight);
                 contact.lagged = (ESTIMATE * contact.inertia * (contact.allowed - gap)).max(0.0);
             }
@@ -192,10 +192,17 @@ impl Contacts {
         let mut any = false;
         for contact in &mut self.contacts {
             let is_obstacle = matches!(contact.partner, Partner::Obstacle(_) | Partner::Node { .. });
-            if is_obstacle && contact.force > 0.0 && contact.depth.abs() > allowed {
-                contact.hardness *= GROWTH;
-                any = true;
+            if !is_obstacle || contact.force == 0.0 {
+                continue;
             }
+            let depth = contact.depth.abs();
+            if depth > allowed {
+                any = true;
+                if depth > MAX_REST * contact.last_depth {
+                    contact.hardness *= GROWTH;
+                }
+            }
+            contact.last_depth = depth;
         }
         any
     }

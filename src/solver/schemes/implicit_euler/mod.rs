@@ -29,6 +29,7 @@ mod coupling;
 mod eliminated;
 mod features;
 mod follow;
+mod friction;
 mod gas;
 mod island;
 mod linearised;
@@ -44,12 +45,15 @@ mod wide;
 
 use bevy::math::{DVec3, Vec3};
 
-use crate::solver::collision::{ContactRecord, Obstacles, StiffContact, StiffPair, Surfaces, Surroundings};
+use crate::solver::collision::{
+    ContactForce, ContactMemory, ContactRecord, Obstacles, StiffContact, StiffPair, Surfaces, Surroundings,
+};
 use crate::solver::elements::Elements;
 use crate::solver::field::Field;
 use crate::solver::graph::{Elimination, IslandSet, Islands, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
+use crate::solver::sleep::SleepMemory;
 use crate::solver::state::Version;
 pub(in crate::solver) use backtrack::{EnergyCorrection, StepEndpoints};
 use clusters::Clusters;
@@ -70,8 +74,28 @@ pub(in crate::solver) struct ImplicitEuler {
     obstacles: Obstacles,
     clusters: Clusters,
     /// The contacts of the last step.
-    touching: Vec<ContactRecord>,
+    touched: Touched,
     key: Option<(Version, Version, Version)>,
+}
+
+/// The contacts of a step.
+#[derive(Debug, Clone, Default)]
+struct Touched {
+    records: Vec<ContactRecord>,
+    forces: Vec<ContactForce>,
+}
+
+impl Touched {
+    fn clear(&mut self) {
+        self.records.clear();
+        self.forces.clear();
+    }
+
+    /// Keeps those of particles in these slots.
+    fn retain(&mut self, keeps: impl Fn(usize) -> bool) {
+        self.records.retain(|record| keeps(record.slot));
+        self.forces.retain(|force| force.ends.slots().all(|slot| keeps(slot)));
+    }
 }
 
 #[derive(Debug, Clone, Default)]
@@ -151,7 +175,12 @@ impl ImplicitEuler {
 
     /// The contacts of the last step.
     pub fn touching(&self) -> &[ContactRecord] {
-        &self.touching
+        &self.touched.records
+    }
+
+    /// Has the `memory` keep the forces of the contacts of the last step, for the next one.
+    pub fn remember_forces(&mut self, memory: &mut ContactMemory, sleep: &SleepMemory) {
+        memory.forces.replace(&mut self.touched.forces, |slot| sleep.is_asleep(slot));
     }
 
     /// The particles in no island that were advanced with those that they met in the last step, with their positions
@@ -184,8 +213,8 @@ impl ImplicitEuler {
     ) {
         let h = f64::from(substep);
         self.obstacles.gather(particles, surroundings, h);
-        let Self { islands, others, obstacles, clusters, sprung, touching, .. } = self;
-        touching.clear();
+        let Self { islands, others, obstacles, clusters, sprung, touched, .. } = self;
+        touched.clear();
         let step = Step { elements, field, h, obstacles, sprung, surroundings };
         let particles_collide = surroundings.settings.pair_rules.is_some();
         clusters.begin(particles, particles_collide);
@@ -199,7 +228,7 @@ impl ImplicitEuler {
                 None => false,
             };
             if !is_second_order {
-                island.advance_backward_euler(step, particles, acceleration, touching);
+                island.advance_backward_euler(step, particles, acceleration, touched);
             }
             if let Some(pulls) = &mut pulls {
                 island.keep_pulls(particles, pulls);
@@ -221,7 +250,7 @@ impl ImplicitEuler {
         }
         if particles_collide {
             let parts = (&islands[..], &others[..], surfaces);
-            clusters.advance(parts, step, particles, acceleration, touching, pulls);
+            clusters.advance(parts, step, particles, acceleration, touched, pulls);
         }
     }
 }

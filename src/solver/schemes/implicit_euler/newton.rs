@@ -226,6 +226,7 @@ impl Newton {
 
     /// Takes `share` of the Newton step.
     fn take_step(&self, system: &mut System, elimination: &Elimination, share: f64) {
+        system.contacts.is_whole_step = share == 1.0;
         let free = ..elimination.free;
         for (position, step) in system.position[free].iter_mut().zip(&system.step[free]) {
             *position += *step * share;
