@@ -52,7 +52,7 @@ impl Caches {
         let around = (surroundings, &mut self.surfaces);
         let acceleration = &mut self.scratch.acceleration;
         self.implicit_euler.advance(elements, particles, field, acceleration, around, Some(pulls), duration);
-        self.implicit_euler.remember_forces(contacts, sleep);
+        self.implicit_euler.remember_forces(contacts, |slot| sleep.is_asleep(slot));
         self.endpoints.end(particles);
         // Where colliders are at the end of a long step is not known yet.
         if !self.contacts.any_moving() {

@@ -110,7 +110,7 @@ impl Caches {
             substep,
         );
         if plan.integrator.is_implicit() {
-            implicit_euler.remember_forces(contacts, sleep);
+            implicit_euler.remember_forces(contacts, |slot| sleep.is_asleep(slot));
         }
         if let Some(in_step) = in_step {
             interleaved.after_substep(particles, &mut scratch.acceleration, in_step);

@@ -4,7 +4,7 @@ use bevy::math::DVec3;
 
 use super::block::Symmetric;
 use super::follow::Followed;
-use super::friction::{FrictionState, Slip};
+use super::friction::{FrictionHistory, FrictionState, Slip};
 use super::system::Compound;
 use crate::solver::collision::{ContactEnds, Obstacle};
 use crate::solver::elements::MAX_ENDS;
@@ -58,6 +58,7 @@ pub(super) struct Contact {
     pub rubbing: DVec3,
     /// What friction was there.
     pub friction_state: FrictionState,
+    pub friction_history: FrictionHistory,
     /// Coefficient of restitution, 0 to 1.
     pub restitution: f64,
     /// Coefficient of Coulomb friction, >= 0.
@@ -105,6 +106,19 @@ pub(super) struct Sums<'a> {
     pub compounds: &'a mut Vec<Compound>,
 }
 
+/// How contacts are linearised.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Approach {
+    /// K as a multiple of the inertia.
+    pub stiffness: f64,
+    /// The slip below which friction is viscous, m.
+    pub creep: f64,
+    /// Whether a whole Newton step has been taken since the last linearisation.
+    pub is_whole_step: bool,
+    /// Whether faces touch.
+    pub has_faces: bool,
+}
+
 impl Contact {
     /// One that holds nothing yet, at a gap of 0.
     pub fn new(node: usize, partner: Partner) -> Self {
@@ -128,6 +142,7 @@ impl Contact {
             rebound: 0.0,
             rubbing: DVec3::ZERO,
             friction_state: FrictionState::Unknown,
+            friction_history: FrictionHistory::default(),
             restitution: 0.0,
             friction: 0.0,
             max_depth: f64::INFINITY,
@@ -242,21 +257,31 @@ impl Contact {
         normal
     }
 
+    /// Finds the force of friction at these positions, in the state of the last linearisation.
+    pub fn rub(&mut self, position: &[DVec3], normal: DVec3, creep: f64) {
+        let slip = self.slip(position, normal, creep);
+        self.rubbing = slip.friction(self.friction_state).force.clamp_length_max(slip.limit);
+    }
+
     /// Adds what it contributes at these positions; its energy in J.
     pub fn linearise(
         &mut self,
         position: &[DVec3],
-        (stiffness, creep, is_whole_step): (f64, f64, bool),
+        Approach { stiffness, creep, is_whole_step, has_faces }: Approach,
         sums: &mut Sums,
     ) -> f64 {
         let normal = self.press(position, stiffness);
         let stiffness = self.stiffness(stiffness);
         let slip = self.slip(position, normal, creep);
         // In a part of a step what sticks comes a part of the way only.
-        if is_whole_step || self.friction_state != FrictionState::Sticking || slip.limit == 0.0 {
+        let is_on_the_way = !is_whole_step && self.friction_state == FrictionState::Sticking;
+        if !(has_faces || is_on_the_way && slip.limit > 0.0) {
             self.friction_state = self.friction_state.next(slip);
         }
-        let friction = slip.friction(self.friction_state);
+        let friction = match has_faces {
+            true => self.friction_history.friction(slip),
+            false => slip.friction(self.friction_state),
+        };
         self.rubbing = friction.force.clamp_length_max(slip.limit);
         if self.force == 0.0 && slip.limit == 0.0 {
             return 0.0;

@@ -17,9 +17,7 @@
 //! surface (`friction.rs`), where N is the normal force of the solution before, and again where N has changed by more than
 //! [`FRICTION_TOLERANCE`]. φ is ‖u‖, but quadratic below [`CREEP`] m/s.
 //!
-//! A step begins with the contact forces of the one before, and with what stuck there (`contact_forces.rs`), so that few contacts have to be
-//! found anew. Without that, the friction of a rope that is wound round a pole for several turns would never settle: each turn depends on
-//! the normal forces of the last one, and would need a solution more.
+//! A step begins with the contact forces of the one before, and with what stuck there (`remembered.rs`).
 //!
 //! Restitution: after the step, what has approached at the speed u is sent back at ε u, and the whole island answers
 //! to it by the same linear system.
@@ -28,10 +26,9 @@ use std::ops::Range;
 
 use bevy::math::DVec3;
 
-use super::contact::{Contact, Partner, Sums};
-use super::friction::FrictionState;
+use super::contact::{Approach, Contact, Partner, Sums};
 use super::newton::MAX_STEPS;
-use crate::solver::collision::{Assigned, ContactForce, ContactMemory, Obstacles, StiffPair, Surroundings};
+use crate::solver::collision::{ContactMemory, Obstacles, StiffPair, Surroundings};
 use crate::solver::graph::{Elimination, Exclusions};
 use crate::solver::particles::Particles;
 use crate::solver::settings::PairRules;
@@ -66,12 +63,11 @@ const CREEP: f64 = 1e-5;
 /// How far the limits of friction may be from those that a solution went by, as a part of their sum.
 const FRICTION_TOLERANCE: f64 = 0.02;
 
+/// Number of solutions with friction where faces touch: each with the normal forces of the one before.
+const FACE_FRICTION_PASSES: usize = 2;
+
 /// What a solution may leave of the greatest depth of the one before; where it is more, K grows.
 pub(super) const MAX_REST: f64 = 0.25;
-
-/// The part of the depth that may be left by which a contact holds less than in the step before: the forces of stiff nets with many contacts
-/// would drift apart, as the rounding of positions adds to them in each step.
-const LEAK: f64 = 0.5;
 
 /// Maximal number of Newton steps of a solution that another one follows.
 const STEPS_OF_A_PASS: usize = 5;
@@ -85,7 +81,7 @@ const REACH: f64 = 4.0;
 pub(super) struct Contacts {
     pub(super) contacts: Vec<Contact>,
     /// K as a multiple of the inertia of the particle.
-    stiffness: f64,
+    pub(super) stiffness: f64,
     /// How deep a particle may enter an obstacle, m.
     pub(super) max_depth: f64,
     /// Number of solutions so far.
@@ -102,6 +98,8 @@ pub(super) struct Contacts {
     pub(super) reach: f64,
     /// Whether there are any of edges and faces with obstacles.
     pub(super) has_features: bool,
+    /// Whether there are any of faces, or of surfaces with each other.
+    pub(super) has_faces: bool,
     /// The depth of what was deepest after the last solution that came close enough, m.
     deepest: f64,
     mode: Mode,
@@ -171,7 +169,8 @@ impl Contacts {
         let Motion { elimination, particles, start, flight, inertia, h } = *motion;
         self.contacts.clear();
         self.mode = Mode::Step;
-        (self.changed, self.has_features, self.is_whole_step) = (false, false, false);
+        (self.changed, self.has_features, self.has_faces) = (false, false, false);
+        self.is_whole_step = false;
         let free = 0..elimination.free;
         let longest = max_displacement(free.clone(), start, flight);
         (self.stiffness, self.passes, self.max_passes) = (STIFFENING, 0, MAX_PASSES);
@@ -245,55 +244,11 @@ impl Contacts {
         }
     }
 
-    /// To be called when all contacts have been added: they begin with the forces of the last step.
-    pub fn recall(&mut self, memory: &ContactMemory, elimination: &Elimination) {
-        if memory.forces.is_empty() {
-            return;
-        }
-        let mut assigned = Assigned::default();
-        for contact in &mut self.contacts {
-            let Some(ends) = contact.ends(elimination) else { continue };
-            if let Some(known) = memory.forces.find(ends, contact.normal, &mut assigned) {
-                contact.lagged = f64::from(known.force);
-                let leak = LEAK * self.max_depth * self.stiffness * contact.inertia;
-                contact.multiplier = (contact.lagged - leak).max(0.0);
-                contact.friction_state =
-                    if known.sticks { FrictionState::Sticking } else { FrictionState::Unknown };
-            }
-        }
-    }
-
-    /// Calls `remember` with the forces at the end of the step.
-    pub fn forces(&self, elimination: &Elimination, mut remember: impl FnMut(ContactForce)) {
-        for contact in &self.contacts {
-            let (normal, force) = (contact.normal.as_vec3(), contact.force as f32);
-            if let Some(ends) = contact.ends(elimination).filter(|_| force > 0.0 && force.is_finite()) {
-                let sticks = contact.friction_state == FrictionState::Sticking;
-                remember(ContactForce { ends, normal, force, sticks });
-            }
-        }
-    }
-
     /// Looks for none: nothing is held.
     pub fn clear(&mut self) {
         self.contacts.clear();
         (self.mode, self.changed, self.has_features) = (Mode::Step, false, false);
-    }
-
-    /// Calls `visit` with each free node at which a contact held in the last linearisation, of some more than once.
-    pub fn for_each_touching_node(&self, free: usize, mut visit: impl FnMut(usize)) {
-        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
-            let partner = if let Partner::Node { node, .. } = contact.partner { Some(node) } else { None };
-            let others = contact.others[..contact.count].iter().map(|(node, _)| *node);
-            let nodes = others.chain([contact.node]).chain(partner);
-            nodes.filter(|node| *node < free).for_each(&mut visit);
-        }
-    }
-
-    /// The particles that were held by themselves in the last linearisation.
-    pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
-        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.is_particle());
-        held.map(|contact| contact.node)
+        self.has_faces = false;
     }
 
     /// Whether there may be any contact.
@@ -334,7 +289,10 @@ impl Contacts {
     pub fn refine(&mut self, position: &[DVec3], is_solved: bool) -> bool {
         self.passes += 1;
         for contact in &mut self.contacts {
-            contact.press(position, self.stiffness);
+            let normal = contact.press(position, self.stiffness);
+            if !self.has_faces {
+                contact.rub(position, normal, self.creep);
+            }
         }
         let mut deepest = 0.0_f64;
         // Of the limits of friction: how far they are from those that this solution went by, and their sum, N.
@@ -346,7 +304,10 @@ impl Contacts {
                 deepest = deepest.max(contact.depth.abs());
             }
         }
-        let rubs = change > FRICTION_TOLERANCE * sum;
+        let rubs = match self.has_faces {
+            true => sum > 0.0 && self.passes <= FACE_FRICTION_PASSES,
+            false => change > FRICTION_TOLERANCE * sum,
+        };
         for contact in &mut self.contacts {
             contact.lagged = contact.force;
             // Many contacts of surfaces do the same: which of them hold is not found to the last one.
@@ -364,11 +325,12 @@ impl Contacts {
             true => is_solved && self.stiffen(),
             false => deepest > self.max_depth,
         };
+        // The forces of the solution before take most of the depth away, if K is great enough.
+        let is_soft = self.has_faces || (is_solved && deepest > MAX_REST * self.deepest);
+        if is_deep && !self.has_features && is_soft {
+            self.stiffness *= GROWTH;
+        }
         if is_solved {
-            // The forces of the solution before take most of the depth away, if K is great enough.
-            if is_deep && !self.has_features && deepest > MAX_REST * self.deepest {
-                self.stiffness *= GROWTH;
-            }
             self.deepest = deepest;
         }
         let max_passes = if self.goes_on && !is_solved { MAX_PASSES } else { self.max_passes };
@@ -384,7 +346,13 @@ impl Contacts {
     /// Adds forces and stiffness of the contacts at the present positions to those of the nodes; their energy in J. `start` is where
     /// the nodes were when the step began.
     pub fn linearise(&mut self, [position, start]: [&[DVec3]; 2], mut sums: Sums) -> f64 {
-        let Self { contacts, stiffness, creep, mode, changed, is_whole_step, .. } = self;
+        let Self { contacts, stiffness, creep, mode, changed, is_whole_step, has_faces, .. } = self;
+        let approach = Approach {
+            stiffness: *stiffness,
+            creep: *creep,
+            is_whole_step: *is_whole_step,
+            has_faces: *has_faces,
+        };
         *changed = false;
         let mut energy = 0.0;
         for contact in contacts {
@@ -394,7 +362,7 @@ impl Contacts {
             }
             contact.follow(position, start);
             let (was_held, friction) = (contact.force > 0.0, contact.friction_state);
-            energy += contact.linearise(position, (*stiffness, *creep, *is_whole_step), &mut sums);
+            energy += contact.linearise(position, approach, &mut sums);
             *changed |= was_held != (contact.force > 0.0) || friction.differs(contact.friction_state);
         }
         energy

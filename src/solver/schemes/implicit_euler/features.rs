@@ -118,6 +118,7 @@ impl Contacts {
                 let mut add = |obstacle: Obstacle, weights: [f64; 3]| {
                     let contact = feature_contact(motion, (number, feature), obstacle, weights, coefficients);
                     self.has_features |= contact.is_some();
+                    self.has_faces |= contact.is_some() && feature.count > 2;
                     self.contacts.extend(contact);
                 };
                 add(met, weights);
@@ -176,10 +177,11 @@ impl Contacts {
         any
     }
 
-    /// To be called when all contacts have been added: estimates the normal forces that friction goes by, where features may touch.
+    /// To be called when all contacts have been added: estimates the normal forces that friction goes by, where features may touch for the
+    /// first time.
     pub fn estimate_forces(&mut self, flight: &[DVec3]) {
-        if self.has_features {
-            for contact in self.contacts.iter_mut().filter(|contact| contact.multiplier == 0.0) {
+        if self.has_features && self.contacts.iter().all(|contact| contact.lagged == 0.0) {
+            for contact in &mut self.contacts {
                 let (gap, _) = contact.gap(flight);
                 contact.lagged = (ESTIMATE * contact.inertia * (contact.allowed - gap)).max(0.0);
             }
@@ -198,7 +200,7 @@ impl Contacts {
             let depth = contact.depth.abs();
             if depth > allowed {
                 any = true;
-                if depth > MAX_REST * contact.last_depth {
+                if self.has_faces || depth > MAX_REST * contact.last_depth {
                     contact.hardness *= GROWTH;
                 }
             }

@@ -1,9 +1,12 @@
 //! Coulomb friction in an implicit step: where it sticks and where it slides.
 //!
 //! Its potential is μ N ‖u‖ of the slip u along the surface, but quadratic below a small slip, the *creep*. Newton's method follows one of its
-//! two branches, by what the last linearisation was: what sticks slides as soon as more than μ N would be needed, and what slides sticks as soon
-//! as its slip turns back. (The primal-dual active set method, which is a semi-smooth Newton method: Hintermüller, Ito and Kunisch, *SIAM J.
-//! Optim.* 13, 865, 2002; of friction: Hüeber, Stadler and Wohlmuth, *SIAM J. Sci. Comput.* 30, 572, 2008.)
+//! two branches, by what the last linearisation was ([`FrictionState`]): what sticks slides as soon as more than μ N would be needed, and what
+//! slides sticks as soon as its slip turns back. (The primal-dual active set method, which is a semi-smooth Newton method: Hintermüller, Ito
+//! and Kunisch, *SIAM J. Optim.* 13, 865, 2002; of friction: Hüeber, Stadler and Wohlmuth, *SIAM J. Sci. Comput.* 30, 572, 2008.)
+//!
+//! Where faces touch, many contacts share one force, and that method does not settle: there it takes quadratics that touch the potential from
+//! above, or, where the last two solutions say that less than the limit holds, the one of what sticks ([`FrictionHistory`]).
 
 use bevy::math::DVec3;
 
@@ -18,6 +21,14 @@ pub(super) enum FrictionState {
     Sticking,
     /// In this direction, a unit vector or zero.
     Sliding(DVec3),
+}
+
+/// The friction of one linearisation, and the slip there, m; the force by which it held in the solution before, N.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FrictionHistory {
+    slip: f64,
+    stiffness: f64,
+    force: f64,
 }
 
 /// A slip along a surface against a force of friction of at most `limit` N.
@@ -55,6 +66,29 @@ impl FrictionState {
     /// Whether it sticks, or slides, where the other did not.
     pub fn differs(self, other: Self) -> bool {
         (self == Self::Sticking) != (other == Self::Sticking)
+    }
+}
+
+impl FrictionHistory {
+    /// What friction contributes, by a quadratic that touches its potential from above, so that a step never overshoots, or by that of what
+    /// sticks.
+    pub fn friction(&mut self, Slip { displacement, limit, creep }: Slip) -> Friction {
+        let length = displacement.length();
+        let sticks = self.will_stick(length, limit);
+        let stiffness =
+            if limit > 0.0 { limit / if sticks { creep } else { length.max(creep) } } else { 0.0 };
+        *self = Self { slip: length, stiffness, force: self.stiffness * length };
+        Friction { force: displacement * -stiffness, stiffness, free: DVec3::ZERO }
+    }
+
+    /// Whether a force of less than `limit` N will stop a slip that has become this, m.
+    ///
+    /// The quadratics come nearer to what sticks by a part of the way only, the nearer to sliding the slower. The force that stops it is
+    /// extrapolated from the last two solutions, of which this one was held by `stiffness` · slip.
+    fn will_stick(&self, slip: f64, limit: f64) -> bool {
+        let force = self.stiffness * slip;
+        let force_grew = slip < self.slip && force > self.force;
+        force_grew && force + (force - self.force) * slip / (self.slip - slip) <= limit
     }
 }
 

@@ -36,6 +36,7 @@ mod linearised;
 mod newton;
 mod preconditioner;
 mod published;
+mod remembered;
 mod surfaces;
 mod surplus;
 mod system;
@@ -53,7 +54,6 @@ use crate::solver::field::Field;
 use crate::solver::graph::{Elimination, IslandSet, Islands, sprung_pinned};
 use crate::solver::particles::{Particles, Vectors};
 use crate::solver::pulls::Pulls;
-use crate::solver::sleep::SleepMemory;
 use crate::solver::state::Version;
 pub(in crate::solver) use backtrack::{EnergyCorrection, StepEndpoints};
 use clusters::Clusters;
@@ -178,9 +178,9 @@ impl ImplicitEuler {
         &self.touched.records
     }
 
-    /// Has the `memory` keep the forces of the contacts of the last step, for the next one.
-    pub fn remember_forces(&mut self, memory: &mut ContactMemory, sleep: &SleepMemory) {
-        memory.forces.replace(&mut self.touched.forces, |slot| sleep.is_asleep(slot));
+    /// Has the `memory` keep the forces of the contacts of the last step, for the next one; those of what sleeps are kept.
+    pub fn remember_forces(&mut self, memory: &mut ContactMemory, is_asleep: impl Fn(usize) -> bool) {
+        memory.forces.replace(&mut self.touched.forces, is_asleep);
     }
 
     /// The particles in no island that were advanced with those that they met in the last step, with their positions

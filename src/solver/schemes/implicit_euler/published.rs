@@ -25,6 +25,22 @@ impl Contacts {
         }
     }
 
+    /// Calls `visit` with each free node at which a contact held in the last linearisation, of some more than once.
+    pub fn for_each_touching_node(&self, free: usize, mut visit: impl FnMut(usize)) {
+        for contact in self.contacts.iter().filter(|contact| contact.force > 0.0) {
+            let partner = if let Partner::Node { node, .. } = contact.partner { Some(node) } else { None };
+            let others = contact.others[..contact.count].iter().map(|(node, _)| *node);
+            let nodes = others.chain([contact.node]).chain(partner);
+            nodes.filter(|node| *node < free).for_each(&mut visit);
+        }
+    }
+
+    /// The particles that were held by themselves in the last linearisation.
+    pub fn held_nodes(&self) -> impl Iterator<Item = usize> {
+        let held = self.contacts.iter().filter(|contact| contact.force > 0.0 && contact.is_particle());
+        held.map(|contact| contact.node)
+    }
+
     /// The contacts that have held a particle in a step of `h` seconds, at its end.
     pub fn records(
         &self,

@@ -19,6 +19,7 @@ impl Contacts {
     pub fn add_surfaces(&mut self, motion: &Motion, found: &[StiffContact], node_of: &[u32]) {
         let Motion { particles, start, flight, inertia, h, .. } = *motion;
         if !found.is_empty() {
+            self.has_faces = true;
             self.max_passes = MAX_SURFACE_PASSES;
             let core = motion.elimination.free - motion.elimination.trees;
             self.goes_on = core.max(found.len()) <= MAX_CONVERGED;
