@@ -94,9 +94,8 @@ impl ContactForces {
     /// Replaces what is known by what was `found` in a step, which is left empty. What sleeps is kept.
     pub fn replace(&mut self, found: &mut Vec<ContactForce>, is_asleep: impl Fn(usize) -> bool) {
         self.keep_asleep(is_asleep);
-        let Self(all) = self;
-        all.append(found);
-        all.sort_by_key(|known| known.ends);
+        self.0.append(found);
+        self.sort();
     }
 
     /// Removes the contacts of a particle.
@@ -116,7 +115,13 @@ impl ContactForces {
             }
             is_complete
         });
-        all.sort_by_key(|known| known.ends);
+        self.sort();
+    }
+
+    /// Orders them by their ends, and the same ones by what else they are: in place, and whatever order they were found in.
+    fn sort(&mut self) {
+        let bits = |known: &ContactForce| (known.normal.to_array().map(f32::to_bits), known.force.to_bits());
+        self.0.sort_unstable_by_key(|known| (known.ends, bits(known), known.sticks));
     }
 
     /// Removes those of particles that are awake.
