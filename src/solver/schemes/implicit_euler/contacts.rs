@@ -66,6 +66,9 @@ const FRICTION_TOLERANCE: f64 = 0.02;
 /// Number of solutions with friction where faces touch: each with the normal forces of the one before.
 const FACE_FRICTION_PASSES: usize = 2;
 
+/// The part of that depth that may be left where contacts begin with the forces of the last step: what rests stays where it is to the bit.
+const REST: f64 = 0.1;
+
 /// What a solution may leave of the greatest depth of the one before; where it is more, K grows.
 pub(super) const MAX_REST: f64 = 0.25;
 
@@ -323,7 +326,8 @@ impl Contacts {
         }
         let is_deep = match self.has_features {
             true => is_solved && self.stiffen(),
-            false => deepest > self.max_depth,
+            false if self.has_faces => deepest > self.max_depth,
+            false => deepest > REST * self.max_depth,
         };
         // The forces of the solution before take most of the depth away, if K is great enough.
         let is_soft = self.has_faces || (is_solved && deepest > MAX_REST * self.deepest);
