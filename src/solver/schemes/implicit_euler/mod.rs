@@ -94,7 +94,7 @@ impl Touched {
     /// Keeps those of particles in these slots.
     fn retain(&mut self, keeps: impl Fn(usize) -> bool) {
         self.records.retain(|record| keeps(record.slot));
-        self.forces.retain(|force| force.ends.slots().all(|slot| keeps(slot)));
+        self.forces.retain(|force| force.ends.slots().all(&keeps));
     }
 }
 
