@@ -72,8 +72,8 @@ pub(in crate::solver) struct Assigned {
 }
 
 impl ContactForces {
-    /// The force of the contact with these ends whose normal is closest to this one; each of them once, if contacts with the same ends
-    /// follow each other.
+    /// Among the forces with these ends, the one with the normal closest to this one. Each is found once, if contacts with the same ends are
+    /// looked up one after the other.
     pub fn find(&self, ends: ContactEnds, normal: DVec3, assigned: &mut Assigned) -> Option<&ContactForce> {
         if assigned.ends != Some(ends) {
             *assigned = Assigned { ends: Some(ends), bits: 0 };

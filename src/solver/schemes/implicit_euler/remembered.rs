@@ -1,6 +1,6 @@
 //! What a step takes over from the contacts of the one before: their forces, and which of them stuck.
 //!
-//! So few contacts have to be found anew, and most steps of what rests need one solution. Without that, the friction of a rope that is wound
+//! So few contacts have to be found anew. Without that, the friction of a rope that is wound
 //! round a pole for several turns would never settle: each turn depends on the normal forces of the last one, and would need a solution more.
 //!
 //! Where faces touch, several contacts share one force, in another way in each step: they begin without.
