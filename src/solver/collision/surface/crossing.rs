@@ -4,7 +4,7 @@
 //! and what is stopped there would never part.
 
 use super::contact::COINCIDENT;
-use super::lists::{List, NearPair};
+use super::lists::NearPair;
 use super::search::{Candidate, Moving};
 
 /// The corners of pairs that cross.
@@ -18,15 +18,22 @@ pub(super) struct Crossings {
 }
 
 impl Crossings {
-    /// Lists those of a list that may cross before a vertex leaves its limits. Of what is joined nothing is a crossing.
-    pub fn list(&mut self, candidates: &[Candidate], list: &List) {
+    /// Lists those of a list that may cross before a vertex is beyond its limits by the slack of its body. Of what is joined nothing is a
+    /// crossing.
+    pub fn list(
+        &mut self,
+        candidates: &[Candidate],
+        (pairs, limits): (&[NearPair], &[Vec<f32>; 2]),
+        slacks: &[f32],
+    ) {
+        let slack = 2.0 * slacks.iter().copied().fold(0.0, f32::max);
         let may_cross = |near: &&NearPair| {
             let candidate = &candidates[near.number as usize];
             candidate.most >= candidate.reach
-                && candidate.least_distance(near.distance, &list.displacements.limits) <= most_of(candidate)
+                && candidate.least_distance(near.distance, limits) <= most_of(candidate) + slack
         };
         self.pairs.clear();
-        self.pairs.extend(list.pairs.iter().filter(may_cross));
+        self.pairs.extend(pairs.iter().filter(may_cross));
     }
 
     /// Finds those that cross at the start of a substep.

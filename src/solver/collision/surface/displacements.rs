@@ -16,6 +16,10 @@ const LIMIT_IN_DISPLACEMENTS: f32 = 4.0;
 pub(super) struct Displacements {
     /// Where they were, by slot, m.
     pub origins: Vectors,
+    /// Where displacements are those from the paths of one substep: the ends of these, by slot, m.
+    path_ends: Vectors,
+    /// Whether they are.
+    pub is_swept: bool,
     /// By slot: how far each may be from there, m.
     pub limits: [Vec<f32>; 2],
     /// By body: the least of them.
@@ -34,13 +38,27 @@ pub(super) struct Measured<'a> {
 }
 
 impl Displacements {
-    /// None has moved since the start of the substep.
-    pub fn begin(&mut self, moving: Moving, bodies: usize) {
+    /// None has moved since the start of the substep; if it `is_swept`, none has left the path that it has in it.
+    pub fn begin(&mut self, moving: Moving, bodies: usize, is_swept: bool) {
         self.origins.copy_from(moving.start);
+        self.is_swept = is_swept;
+        if is_swept {
+            self.path_ends.copy_from(moving.end);
+        }
         let count = moving.particles.len();
         self.limits.iter_mut().chain(&mut self.moved).for_each(|all| all.resize(count, 0.0));
         self.least_limits.clear();
         self.least_limits.resize(bodies, [f32::INFINITY; 2]);
+    }
+
+    /// Whether they may be those of the substep: paths are those of one substep only.
+    pub fn fit(&self, moving: Moving) -> bool {
+        !self.is_swept || self.origins.axes() == moving.start.axes()
+    }
+
+    /// Where vertices were, or were to be, at the start and at the end of the substep.
+    fn expected(&self) -> [&Vectors; 2] {
+        [&self.origins, if self.is_swept { &self.path_ends } else { &self.origins }]
     }
 
     /// Limits the displacement of a vertex of a body.
@@ -51,20 +69,22 @@ impl Displacements {
     }
 
     /// Whether all are within their limits on their paths in the substep, in the frames from `first_frame` on; `with_each` measures each.
-    /// Calls `check` for each body, and stops where that says no.
+    /// `slack` is by how much those of a body may be beyond them, m. Calls `check` for each body, and stops where that says no.
     pub fn hold(
         &mut self,
         Measured { primitives, moving, frames }: Measured,
         (first_frame, with_each): (usize, bool),
+        slack: impl Fn(usize) -> f32,
         mut check: impl FnMut(usize, &Spread) -> bool,
     ) -> bool {
         for (number, body) in primitives.forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, &self.origins);
+            let spread = Spread::of(&body.runs, moving, self.expected());
             if !check(number, &spread) {
                 return false;
             }
             let (frames, farthest, least) = (frames[number], spread.farthest(), self.least_limits[number]);
-            let are_all_clear = (first_frame..frames).all(|frame| farthest[frame] <= least[frame]);
+            let slack = slack(number);
+            let are_all_clear = (first_frame..frames).all(|frame| farthest[frame] <= least[frame] + slack);
             let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
             let measured = if with_each || !are_all_clear { frames } else { 0 };
             for (frame, drift) in drifts.into_iter().enumerate().take(measured).skip(first_frame) {
@@ -72,9 +92,9 @@ impl Displacements {
                 pulp::Arch::new().dispatch(EachMoved {
                     runs: &body.runs,
                     moving,
-                    origins: &self.origins,
+                    origins: [&self.origins, if self.is_swept { &self.path_ends } else { &self.origins }],
                     drift,
-                    limits: &self.limits[frame],
+                    limits: (&self.limits[frame], slack),
                     moved: &mut self.moved[frame],
                     is_beyond: &mut is_beyond,
                 });
@@ -86,8 +106,8 @@ impl Displacements {
         primitives.balls.iter().all(|slot| {
             let slot = *slot as usize;
             let ends = moving.ends(slot);
-            let origin = Vec3A::from(self.origins.get(slot));
-            let far = ends.map(|end| end.distance(origin)).into_iter().fold(0.0, f32::max);
+            let expected = self.expected().map(|places| Vec3A::from(places.get(slot)));
+            let far = ends[0].distance(expected[0]).max(ends[1].distance(expected[1]));
             self.moved[1][slot] = if far.is_finite() { far } else { 0.0 };
             self.moved[1][slot] <= self.limits[1][slot]
         })
@@ -97,7 +117,7 @@ impl Displacements {
     /// that hold these hold those. Whether there is room left for limits of half of that.
     pub fn begin_within(&mut self, outer: &Self, measured: Measured, part: f32) -> bool {
         let Measured { primitives, moving, frames } = measured;
-        self.begin(moving, primitives.forest.bodies.len());
+        self.begin(moving, primitives.forest.bodies.len(), false);
         let limit_of = |slot: usize, frame: usize, [before, displacement]: [f32; 2]| {
             let most = outer.limits[frame][slot];
             let wanted = (part * most).max(LIMIT_IN_DISPLACEMENTS * displacement);
@@ -114,7 +134,7 @@ impl Displacements {
         };
         for (number, body) in primitives.forest.bodies.iter().enumerate() {
             let [own, other] = [&self.origins, &outer.origins]
-                .map(|origins| Spread::of(&body.runs, moving, origins).drift());
+                .map(|origins| Spread::of(&body.runs, moving, [origins; 2]).drift());
             let drifts = [[other[0], own[1]], [Vec3A::ZERO; 2]];
             for slot in primitives.forest.vertices_of(body).iter().map(|slot| *slot as usize) {
                 for (frame, drift) in drifts.into_iter().enumerate().take(frames[number]) {

@@ -1,8 +1,11 @@
 //! The primitives of each cluster in arrays, so that those of two clusters that are far from each other are told apart eight at a time.
 //!
-//! The test is [`least_apart`](super::pair::least_apart): along the line of their centres.
+//! The test is [`least_apart`](super::pair::least_apart): along the line of their centres; of what follows its path, along that at its
+//! start, at both of its ends.
 
-use bevy::math::Vec3A;
+mod columns;
+
+use columns::Columns;
 
 use super::pair::DISTANCE_ROUNDING;
 use super::primitives::{Primitive, Primitives};
@@ -15,45 +18,7 @@ const EDGES: usize = 4 * CLUSTER;
 /// The same of triangles.
 const TRIANGLES: usize = 2 * CLUSTER;
 
-/// Numbers by primitive, as many for each cluster.
-#[derive(Debug, Clone)]
-struct Columns<const AXES: usize> {
-    /// m.
-    places: [Vec<f32>; AXES],
-    /// By frame: its radius and how far it may get, m; −∞ where there is none.
-    reaches: [Vec<f32>; 2],
-}
-
-impl<const AXES: usize> Default for Columns<AXES> {
-    fn default() -> Self {
-        Self { places: [const { Vec::new() }; AXES], reaches: Default::default() }
-    }
-}
-
-impl<const AXES: usize> Columns<AXES> {
-    fn resize(&mut self, count: usize) {
-        self.places.iter_mut().for_each(|axis| axis.resize(count, 0.0));
-        self.reaches.iter_mut().for_each(|reaches| {
-            reaches.clear();
-            reaches.resize(count, f32::NEG_INFINITY);
-        });
-    }
-
-    fn set(&mut self, place: usize, numbers: [f32; AXES], reaches: [f32; 2]) {
-        for (axis, number) in self.places.iter_mut().zip(numbers) {
-            axis[place] = number;
-        }
-        for (column, reach) in self.reaches.iter_mut().zip(reaches) {
-            column[place] = reach;
-        }
-    }
-
-    fn get(&self, place: usize) -> [f32; AXES] {
-        std::array::from_fn(|axis| self.places[axis][place])
-    }
-}
-
-/// The edges and triangles of all clusters at the start of the substep of a search.
+/// The edges and triangles of all clusters in the substep of a search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lanes {
     /// The middle, and half of the way from one end to the other.
@@ -72,20 +37,38 @@ pub(super) struct ClusterPair<'a> {
     pub frame: usize,
     /// Distance from touching up to which pairs are wanted, m.
     pub margin: f32,
+    /// See [`PairQuery`](super::pair_collector::PairQuery).
+    pub is_swept: bool,
+}
+
+/// A vertex.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Point {
+    /// At the start and at the end of the substep, m.
+    pub start: [f32; 3],
+    pub end: [f32; 3],
+    /// Its radius, how far it may get, and the distance from touching up to which pairs are wanted, m.
+    pub reach: f32,
 }
 
 /// By primitive of one cluster: which of the other cluster are near it, one bit each.
 pub(super) type Masks = [u32; EDGES];
 
 impl Lanes {
-    /// Fills the arrays. By frame and slot, `limits` are how far vertices may get, m.
-    pub fn fill(&mut self, primitives: &Primitives, moving: Moving, limits: &[Vec<f32>; 2]) {
+    /// Fills the arrays. By frame and slot, `limits` are how far vertices may get, m; from their paths if these are `swept`.
+    pub fn fill(
+        &mut self,
+        primitives: &Primitives,
+        moving: Moving,
+        (limits, is_swept): (&[Vec<f32>; 2], bool),
+    ) {
         let forest = &primitives.forest;
         self.edges.resize(forest.clusters.len() * EDGES);
         self.triangles.resize(forest.clusters.len() * TRIANGLES);
         let radius = moving.particles.radius();
-        let corners = |primitive: &Primitive| {
-            primitive.corners.map(|corner| Vec3A::from(moving.start.get(corner as usize)))
+        let sides = if is_swept { 2 } else { 1 };
+        let corners = |primitive: &Primitive, side: usize| {
+            primitive.corners.map(|corner| moving.ends(corner as usize)[side])
         };
         let reaches = |primitive: &Primitive, size: f32| {
             let largest =
@@ -95,24 +78,32 @@ impl Lanes {
         for (number, cluster) in forest.clusters.iter().enumerate() {
             let edges = &forest.edges[cluster.edges.start as usize..cluster.edges.end as usize];
             for (place, edge) in (number * EDGES..).zip(edges) {
-                let [a, b, _] = corners(edge);
-                let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
-                let size = a.abs().max(b.abs()).max_element();
-                let ([x, y, z], [u, v, w]) = (middle.to_array(), half.to_array());
-                self.edges.set(place, [x, y, z, u, v, w], reaches(edge, size));
+                let mut size = 0.0_f32;
+                for side in 0..sides {
+                    let [a, b, _] = corners(edge, side);
+                    let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+                    size = size.max(a.abs().max(b.abs()).max_element());
+                    let ([x, y, z], [u, v, w]) = (middle.to_array(), half.to_array());
+                    self.edges.set(place, side, [x, y, z, u, v, w]);
+                }
+                self.edges.set_reaches(place, reaches(edge, size));
             }
             let triangles =
                 &forest.triangles[cluster.triangles.start as usize..cluster.triangles.end as usize];
             for (place, triangle) in (number * TRIANGLES..).zip(triangles) {
-                let [a, b, c] = corners(triangle);
-                let middle = (a + b + c) / 3.0;
-                let size = a.abs().max(b.abs()).max(c.abs()).max_element();
-                let [ways_a, ways_b, ways_c] = [a, b, c].map(|corner| (corner - middle).to_array());
-                let mut numbers = [0.0; 12];
-                for (place, axes) in [middle.to_array(), ways_a, ways_b, ways_c].into_iter().enumerate() {
-                    numbers[3 * place..3 * place + 3].copy_from_slice(&axes);
+                let mut size = 0.0_f32;
+                for side in 0..sides {
+                    let [a, b, c] = corners(triangle, side);
+                    let middle = (a + b + c) / 3.0;
+                    size = size.max(a.abs().max(b.abs()).max(c.abs()).max_element());
+                    let [ways_a, ways_b, ways_c] = [a, b, c].map(|corner| (corner - middle).to_array());
+                    let mut numbers = [0.0; 12];
+                    for (place, axes) in [middle.to_array(), ways_a, ways_b, ways_c].into_iter().enumerate() {
+                        numbers[3 * place..3 * place + 3].copy_from_slice(&axes);
+                    }
+                    self.triangles.set(place, side, numbers);
                 }
-                self.triangles.set(place, numbers, reaches(triangle, size));
+                self.triangles.set_reaches(place, reaches(triangle, size));
             }
         }
     }
@@ -124,13 +115,13 @@ impl Lanes {
         masks
     }
 
-    /// By vertex of one cluster, which are at these `points` with these reaches, m: which triangles of the cluster of this `number`, of
+    /// By vertex of one cluster, which are these `points`: which triangles of the cluster of this `number`, of
     /// which it has `count`, are near.
     pub fn near_triangles(
         &self,
-        points: &[([f32; 3], f32)],
+        points: &[Point],
         (number, count): (u32, usize),
-        frame: usize,
+        (frame, is_swept): (usize, bool),
     ) -> Masks {
         let mut masks = [0; EDGES];
         let place = number as usize * TRIANGLES;
@@ -141,6 +132,7 @@ impl Lanes {
             place,
             count,
             frame,
+            is_swept,
             masks: &mut masks,
         });
         masks
@@ -164,18 +156,15 @@ impl pulp::WithSimd for NearEdges<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { edges, pair: ClusterPair { clusters, numbers, frame, margin }, masks } = self;
+        let Self { edges, pair: ClusterPair { clusters, numbers, frame, margin, is_swept }, masks } = self;
         let [first, second] = [0, 1].map(|side| numbers[side] as usize * EDGES);
         let [own, others] = [0, 1].map(|side: usize| clusters[side].edges.len());
         let range = second..second + EDGES;
         let reaches = S::as_simd_f32s(&edges.reaches[frame][range.clone()]).0;
-        let mut columns = [reaches; 6];
-        for (column, axis) in columns.iter_mut().zip(&edges.places) {
-            *column = S::as_simd_f32s(&axis[range.clone()]).0;
-        }
+        let [columns, later] = [edges.vectors::<S>(range.clone(), 0), edges.vectors::<S>(range, 1)];
         let vectors = others.div_ceil(EDGES / reaches.len());
         for (place, mask) in (first..first + own).zip(&mut masks[..]) {
-            let numbers = edges.get(place);
+            let [numbers, end] = [edges.get(place, 0), edges.get(place, 1)];
             let reach = simd.splat_f32s(edges.reaches[frame][place] + margin);
             let mut excess = [f32::INFINITY; EDGES];
             let out = S::as_mut_simd_f32s(&mut excess).0;
@@ -183,8 +172,10 @@ impl pulp::WithSimd for NearEdges<'_> {
                 let zero = simd.splat_f32s(0.0);
                 // The square of the distance of the middles, and how far each edge reaches along it.
                 let (mut square, mut along, mut across) = (zero, zero, zero);
+                let mut between = [zero; 3];
                 for axis in 0..3 {
                     let apart = simd.sub_f32s(simd.splat_f32s(numbers[axis]), columns[axis][vector]);
+                    between[axis] = apart;
                     square = simd.mul_add_f32s(apart, apart, square);
                     along = simd.mul_add_f32s(apart, simd.splat_f32s(numbers[axis + 3]), along);
                     across = simd.mul_add_f32s(apart, columns[axis + 3][vector], across);
@@ -192,7 +183,19 @@ impl pulp::WithSimd for NearEdges<'_> {
                 let inner = simd.add_f32s(simd.abs_f32s(along), simd.abs_f32s(across));
                 let wanted = simd.add_f32s(reach, reaches[vector]);
                 let limit = simd.mul_f32s(wanted, simd.sqrt_f32s(square));
-                out[vector] = simd.sub_f32s(simd.sub_f32s(square, inner), limit);
+                let mut least = simd.sub_f32s(square, inner);
+                if is_swept {
+                    let (mut apart, mut along, mut across) = (zero, zero, zero);
+                    for axis in 0..3 {
+                        let way = simd.sub_f32s(simd.splat_f32s(end[axis]), later[axis][vector]);
+                        apart = simd.mul_add_f32s(between[axis], way, apart);
+                        along = simd.mul_add_f32s(between[axis], simd.splat_f32s(end[axis + 3]), along);
+                        across = simd.mul_add_f32s(between[axis], later[axis + 3][vector], across);
+                    }
+                    let inner = simd.add_f32s(simd.abs_f32s(along), simd.abs_f32s(across));
+                    least = simd.min_f32s(simd.sub_f32s(apart, inner), least);
+                }
+                out[vector] = simd.sub_f32s(least, limit);
             }
             *mask = mask_of(&excess);
         }
@@ -201,10 +204,11 @@ impl pulp::WithSimd for NearEdges<'_> {
 
 struct NearTriangles<'a> {
     triangles: &'a Columns<12>,
-    points: &'a [([f32; 3], f32)],
+    points: &'a [Point],
     place: usize,
     count: usize,
     frame: usize,
+    is_swept: bool,
     masks: &'a mut Masks,
 }
 
@@ -213,22 +217,20 @@ impl pulp::WithSimd for NearTriangles<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { triangles, points, place, count, frame, masks } = self;
+        let Self { triangles, points, place, count, frame, is_swept, masks } = self;
         let range = place..place + TRIANGLES;
         let reaches = S::as_simd_f32s(&triangles.reaches[frame][range.clone()]).0;
-        let mut columns = [reaches; 12];
-        for (column, axis) in columns.iter_mut().zip(&triangles.places) {
-            *column = S::as_simd_f32s(&axis[range.clone()]).0;
-        }
+        let [columns, later] = [triangles.vectors::<S>(range.clone(), 0), triangles.vectors::<S>(range, 1)];
         let vectors = count.div_ceil(TRIANGLES / reaches.len());
-        for ((point, reach), mask) in points.iter().zip(&mut masks[..]) {
+        for (Point { start, end, reach }, mask) in points.iter().zip(&mut masks[..]) {
             let mut excess = [f32::INFINITY; EDGES];
             let out = S::as_mut_simd_f32s(&mut excess).0;
             for vector in 0..vectors {
                 let zero = simd.splat_f32s(0.0);
-                let (mut square, mut along) = (zero, [zero; 3]);
+                let (mut square, mut along, mut between) = (zero, [zero; 3], [zero; 3]);
                 for axis in 0..3 {
-                    let apart = simd.sub_f32s(simd.splat_f32s(point[axis]), columns[axis][vector]);
+                    let apart = simd.sub_f32s(simd.splat_f32s(start[axis]), columns[axis][vector]);
+                    between[axis] = apart;
                     square = simd.mul_add_f32s(apart, apart, square);
                     for corner in 0..3 {
                         let way = columns[3 + 3 * corner + axis][vector];
@@ -238,7 +240,21 @@ impl pulp::WithSimd for NearTriangles<'_> {
                 let inner = simd.max_f32s(simd.max_f32s(along[0], along[1]), along[2]);
                 let wanted = simd.add_f32s(simd.splat_f32s(*reach), reaches[vector]);
                 let limit = simd.mul_f32s(wanted, simd.sqrt_f32s(square));
-                out[vector] = simd.sub_f32s(simd.sub_f32s(square, inner), limit);
+                let mut least = simd.sub_f32s(square, inner);
+                if is_swept {
+                    let (mut apart, mut along) = (zero, [zero; 3]);
+                    for axis in 0..3 {
+                        let way = simd.sub_f32s(simd.splat_f32s(end[axis]), later[axis][vector]);
+                        apart = simd.mul_add_f32s(between[axis], way, apart);
+                        for corner in 0..3 {
+                            let way = later[3 + 3 * corner + axis][vector];
+                            along[corner] = simd.mul_add_f32s(between[axis], way, along[corner]);
+                        }
+                    }
+                    let inner = simd.max_f32s(simd.max_f32s(along[0], along[1]), along[2]);
+                    least = simd.min_f32s(simd.sub_f32s(apart, inner), least);
+                }
+                out[vector] = simd.sub_f32s(least, limit);
             }
             *mask = mask_of(&excess);
         }
@@ -249,8 +265,7 @@ impl pulp::WithSimd for NearTriangles<'_> {
 mod tests {
     use bevy::math::Vec3;
 
-    use super::super::closest::closest;
-    use super::super::pair::Kind;
+    use super::super::pair::{Kind, PairPaths};
     use super::super::tree::Forest;
     use super::*;
     use crate::solver::particles::Particles;
@@ -293,50 +308,72 @@ mod tests {
         (primitives, particles)
     }
 
+    /// How near a pair comes on straight paths, m, at some times of these.
+    fn nearest_on(paths: PairPaths) -> f32 {
+        let times = (0..=16_u8).map(|time| f32::from(time) / 16.0);
+        times.map(|time| paths.closest(time).apart.length()).fold(f32::INFINITY, f32::min)
+    }
+
     #[test]
     fn what_may_touch_is_never_taken_for_far() {
-        let (mut near, mut far) = (0, 0);
-        for (at, reach) in [(Vec3::ZERO, 1.0), (Vec3::new(300.0, -20.0, 5.0), 1.0), (Vec3::ONE, 1e-3)] {
-            let (primitives, particles) = random(at, reach);
-            let limits = [vec![0.05 * reach; particles.len()], vec![0.02 * reach; particles.len()]];
-            let (start, forest) = (&particles.position, &primitives.forest);
-            let mut lanes = Lanes::default();
-            lanes.fill(&primitives, Moving { start, end: start, particles: &particles }, &limits);
-            let place = |slot: u32| Vec3A::from(start.get(slot as usize));
-            for (frame, limit) in [(0, 0.05 * reach), (1, 0.02 * reach)] {
-                let margin = 0.03 * reach - 0.2;
-                let most = 0.2 + 2.0 * limit + margin;
-                let mut check = |bit: u32, distance: f32, pair: &str| {
-                    assert!(bit == 1 || distance > most, "{pair} at {at}: {distance} m of {most}");
-                    (near, far) = (near + bit, far + (1 - bit));
-                };
-                let clusters = [&forest.clusters[0], &forest.clusters[1]];
-                let masks = lanes.near_edges(ClusterPair { clusters, numbers: [0, 1], frame, margin });
-                for (number, mask) in masks.into_iter().enumerate().take(COUNTS[0] as usize) {
-                    assert_eq!(mask >> COUNTS[0], 0);
-                    for other in 0..COUNTS[0] {
-                        let [a, b, _] = forest.edges[number].corners;
-                        let [c, d, _] = forest.edges[(COUNTS[0] + other) as usize].corners;
-                        let found = closest(Kind::EdgeEdge, &[a, b, c, d].map(place));
-                        check(mask >> other & 1, found.apart.length(), "edges");
-                    }
+        for is_swept in [false, true] {
+            let (mut near, mut far) = (0, 0);
+            for (at, reach) in [(Vec3::ZERO, 1.0), (Vec3::new(300.0, -20.0, 5.0), 1.0), (Vec3::ONE, 1e-3)] {
+                let (primitives, particles) = random(at, reach);
+                let limits = [vec![0.05 * reach; particles.len()], vec![0.02 * reach; particles.len()]];
+                let (start, forest) = (&particles.position, &primitives.forest);
+                let mut end = start.clone();
+                for slot in 0..particles.len() {
+                    let way = |scale: usize| 0.5 * reach * ((slot * scale % 101) as f32 / 50.0 - 1.0);
+                    end.set(slot, start.get(slot) + Vec3::new(way(13), way(29), way(37)));
                 }
-                let vertices = &forest.vertices[..COUNTS[2] as usize];
-                let points: Vec<([f32; 3], f32)> = vertices
-                    .iter()
-                    .map(|slot| (start.get(*slot as usize).to_array(), 0.1 + limit + margin))
-                    .collect();
-                let masks = lanes.near_triangles(&points, (1, COUNTS[1] as usize), frame);
-                for (slot, mask) in vertices.iter().zip(masks) {
-                    assert_eq!(mask >> COUNTS[1], 0);
-                    for other in 0..COUNTS[1] {
-                        let [a, b, c] = forest.triangles[(COUNTS[1] + other) as usize].corners;
-                        let found = closest(Kind::VertexFace, &[*slot, a, b, c].map(place));
-                        check(mask >> other & 1, found.apart.length(), "vertex and face");
+                let moving =
+                    Moving { start, end: if is_swept { &end } else { start }, particles: &particles };
+                let mut lanes = Lanes::default();
+                lanes.fill(&primitives, moving, (&limits, is_swept));
+                let nearest = |kind: Kind, slots: [u32; 4]| {
+                    let ends = slots.map(|slot| moving.ends(slot as usize));
+                    let (start, displacement) =
+                        (ends.map(|[start, _]| start), ends.map(|[start, end]| end - start));
+                    nearest_on(PairPaths { kind, start, displacement })
+                };
+                for (frame, limit) in [(0, 0.05 * reach), (1, 0.02 * reach)] {
+                    let margin = 0.03 * reach - 0.2;
+                    let most = 0.2 + 2.0 * limit + margin;
+                    let mut check = |bit: u32, distance: f32, pair: &str| {
+                        assert!(bit == 1 || distance > most, "{pair} at {at}: {distance} m of {most}");
+                        (near, far) = (near + bit, far + (1 - bit));
+                    };
+                    let clusters = [&forest.clusters[0], &forest.clusters[1]];
+                    let pair = ClusterPair { clusters, numbers: [0, 1], frame, margin, is_swept };
+                    for (number, mask) in
+                        lanes.near_edges(pair).into_iter().enumerate().take(COUNTS[0] as usize)
+                    {
+                        assert_eq!(mask >> COUNTS[0], 0);
+                        for other in 0..COUNTS[0] {
+                            let [a, b, _] = forest.edges[number].corners;
+                            let [c, d, _] = forest.edges[(COUNTS[0] + other) as usize].corners;
+                            check(mask >> other & 1, nearest(Kind::EdgeEdge, [a, b, c, d]), "edges");
+                        }
+                    }
+                    let vertices = &forest.vertices[..COUNTS[2] as usize];
+                    let point = |slot: &u32| {
+                        let [start, end] = moving.ends(*slot as usize).map(|place| place.to_array());
+                        Point { start, end, reach: 0.1 + limit + margin }
+                    };
+                    let points: Vec<Point> = vertices.iter().map(point).collect();
+                    let masks = lanes.near_triangles(&points, (1, COUNTS[1] as usize), (frame, is_swept));
+                    for (slot, mask) in vertices.iter().zip(masks) {
+                        assert_eq!(mask >> COUNTS[1], 0);
+                        for other in 0..COUNTS[1] {
+                            let [a, b, c] = forest.triangles[(COUNTS[1] + other) as usize].corners;
+                            let distance = nearest(Kind::VertexFace, [*slot, a, b, c]);
+                            check(mask >> other & 1, distance, "vertex and face");
+                        }
                     }
                 }
             }
+            assert!(near > 100 && far > 100, "{near} and {far}");
         }
-        assert!(near > 100 && far > 100, "{near} and {far}");
     }
 }

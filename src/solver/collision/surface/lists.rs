@@ -75,7 +75,7 @@ impl List {
 
     /// Lists the first `count` candidates, whatever their distances.
     pub fn list_all(&mut self, count: usize, moving: Moving) {
-        self.displacements.begin(moving, 0);
+        self.displacements.begin(moving, 0, false);
         self.pairs.clear();
         let (distance, direction) = (f32::NEG_INFINITY, Vec3A::ZERO);
         self.pairs.extend((0..count as u32).map(|number| NearPair { number, distance, direction }));

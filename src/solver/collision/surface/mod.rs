@@ -219,7 +219,7 @@ impl Surfaces {
         let is_implicit = others.implicit();
         let Some(rules) = settings.pair_rules.filter(|_| self.is_active) else { return false };
         let rebound = rebound_of(settings, (integrator, duration));
-        self.ensure(particles, (properties, rebound.slop));
+        self.ensure(particles, (properties, Some(rebound.slop)));
         let Self { contacts, search, primitives, start, .. } = self;
         let moving = Moving { start, end: &particles.position, particles };
         let on_mesh = &primitives.on_mesh[..];
@@ -267,7 +267,7 @@ impl Surfaces {
     }
 
     /// Finds the pairs that may touch along the displacements to the present positions; whether anything was held back for it.
-    fn ensure(&mut self, particles: &mut Particles, wanted: (&[ContactProperties], f32)) -> bool {
+    fn ensure(&mut self, particles: &mut Particles, wanted: (&[ContactProperties], Option<f32>)) -> bool {
         let Self { search, primitives, start, confinement, .. } = self;
         search.ensure(primitives, Moving { start, end: &particles.position, particles }, wanted);
         let mut is_held = false;
@@ -317,7 +317,7 @@ impl Surfaces {
                 self.advance.put_back(&self.start, (particles, !is_implicit), &self.primitives.on_mesh);
             }
             // Where some stop and others go on they may meet what they would have gone along with.
-            any |= self.ensure(particles, (properties, 0.0));
+            any |= self.ensure(particles, (properties, None));
             let Self { advance, search, primitives, start, .. } = self;
             if !advance.stop((search, &primitives.on_mesh), start, particles, (stop, !is_implicit)) {
                 return any;

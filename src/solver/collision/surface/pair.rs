@@ -45,16 +45,20 @@ const MAX_STEPS: u32 = 256;
 /// It is much cheaper than that of the closest points, and not much less for what lies side by side, as neighbours on a mesh do.
 #[inline]
 pub(super) fn least_apart(kind: Kind, corners: &[Vec3A; 4]) -> f32 {
+    apart_along(kind, corners, between_centres(kind, corners))
+}
+
+/// The unit vector from the centre of the second side to that of the first; 0 if they are in one place.
+#[inline]
+pub(super) fn between_centres(kind: Kind, corners: &[Vec3A; 4]) -> Vec3A {
     // Relative to a corner, so that little is lost by rounding.
     let [a, b, c] = [1, 2, 3].map(|corner| corners[corner] - corners[0]);
-    let (direction, own, others) = match kind {
-        Kind::VertexFace => ((a + b + c) / -3.0, Vec3A::ZERO, [a, b, c]),
-        Kind::EdgeEdge => (0.5 * (a - b - c), a, [b, c, c]),
-        Kind::VertexEdge => (-0.5 * (a + b), Vec3A::ZERO, [a, b, b]),
+    let direction = match kind {
+        Kind::VertexFace => (a + b + c) / -3.0,
+        Kind::EdgeEdge => 0.5 * (a - b - c),
+        Kind::VertexEdge => -0.5 * (a + b),
     };
-    let direction = direction.normalize_or_zero();
-    let along = others.map(|other| direction.dot(other));
-    direction.dot(own).min(0.0) - along[0].max(along[1]).max(along[2])
+    direction.normalize_or_zero()
 }
 
 /// Another one: their distance along a `direction`, a unit vector. It is the true one along that of the closest points.

@@ -3,8 +3,8 @@
 use bevy::math::Vec3A;
 
 use super::closest::closest;
-use super::lanes::{ClusterPair, Lanes};
-use super::pair::{Kind, least_apart, rounding_of};
+use super::lanes::{ClusterPair, Lanes, Point};
+use super::pair::{Kind, apart_along, between_centres, rounding_of};
 use super::primitives::{Primitive, Primitives, owns};
 use super::search::{Candidate, Moving};
 use super::tree::{Box3, MAX_CORNERS};
@@ -25,6 +25,8 @@ pub(super) struct PairQuery<'a> {
     pub margins: [f32; 2],
     /// Filled for these limits.
     pub lanes: &'a Lanes,
+    /// Whether the limits are how far vertices may get from their paths in the substep, and not from where they are at its start.
+    pub is_swept: bool,
 }
 
 /// Lists the pairs of primitives that may touch before a vertex passes its limit.
@@ -66,7 +68,7 @@ impl PairCollector<'_> {
 
     /// Looks for pairs between two clusters, or within one.
     pub fn test_clusters(&mut self, numbers: [u32; 2], is_within: bool) {
-        let PairQuery { primitives, moving, limits, margins, lanes, .. } = self.query;
+        let PairQuery { primitives, moving, limits, margins, lanes, is_swept, .. } = self.query;
         let forest = &primitives.forest;
         let clusters = numbers.map(|number| &forest.clusters[number as usize]);
         let is_same = numbers[0] == numbers[1];
@@ -79,14 +81,15 @@ impl PairCollector<'_> {
                 continue;
             }
             let vertices = &forest.vertices[own.vertices.start as usize..own.vertices.end as usize];
-            let mut points = [([0.0; 3], 0.0); MAX_CORNERS];
+            let mut points = [Point::default(); MAX_CORNERS];
             for (point, slot) in points.iter_mut().zip(vertices) {
                 let slot = *slot as usize;
                 let reach = moving.particles.radius()[slot] + limits[frame][slot] + margins[frame];
-                *point = (moving.start.get(slot).to_array(), reach);
+                let [start, end] = moving.ends(slot).map(|place| place.to_array());
+                *point = Point { start, end, reach };
             }
             let of_other = (numbers[1 - side], other.triangles.len());
-            let masks = lanes.near_triangles(&points[..vertices.len()], of_other, frame);
+            let masks = lanes.near_triangles(&points[..vertices.len()], of_other, (frame, is_swept));
             for (slot, mask) in vertices.iter().zip(masks).filter(|(_, mask)| *mask != 0) {
                 let place = corners[side].partition_point(|corner| corner < slot) as u8;
                 for number in bits(mask) {
@@ -102,7 +105,7 @@ impl PairCollector<'_> {
             }
         }
         let margin = margins[frame];
-        let masks = lanes.near_edges(ClusterPair { clusters, numbers, frame, margin });
+        let masks = lanes.near_edges(ClusterPair { clusters, numbers, frame, margin, is_swept });
         let starts = clusters.map(|cluster| cluster.edges.start as usize);
         for (number, mask) in masks.into_iter().enumerate().filter(|(_, mask)| *mask != 0) {
             let edge = &forest.edges[starts[0] + number];
@@ -153,7 +156,7 @@ impl PairCollector<'_> {
         marks: [u8; 2],
         (is_within, way): (bool, impl FnOnce() -> f32),
     ) {
-        let PairQuery { moving, limits, margins, .. } = self.query;
+        let PairQuery { moving, limits, margins, is_swept, .. } = self.query;
         let particles = moving.particles;
         let is_free = |slot: &u32| !particles.is_pinned(*slot as usize);
         let is_exempt = Exclusions::are_of_one_family(particles.families(), slots[0], slots[3]);
@@ -165,12 +168,20 @@ impl PairCollector<'_> {
             |of: &[f32], slots: &[u32]| slots.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max);
         let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
         let reach = of_both(particles.radius());
-        let corners = slots.map(|slot| Vec3A::from(moving.start.get(slot as usize)));
+        let ends = slots.map(|slot| moving.ends(slot as usize));
+        let (corners, later) = (ends.map(|[start, _]| start), ends.map(|[_, end]| end));
         let frame = usize::from(!is_within);
         let margin = margins[frame] + of_both(&limits[frame]);
         // Less than the true one: what is told from it must not depend on rounding.
-        let rounding = rounding_of(&corners);
-        let least = least_apart(kind, &corners) - rounding;
+        let rounding =
+            if is_swept { rounding_of(&corners).max(rounding_of(&later)) } else { rounding_of(&corners) };
+        // What is apart along one direction at both ends of straight paths is so all the way.
+        let along = |direction: Vec3A| {
+            let start = apart_along(kind, &corners, direction);
+            let least = if is_swept { start.min(apart_along(kind, &later, direction)) } else { start };
+            least - rounding
+        };
+        let least = along(between_centres(kind, &corners));
         if least > reach + margin {
             return;
         }
@@ -181,12 +192,23 @@ impl PairCollector<'_> {
             return;
         }
         let apart = closest(kind, &corners).apart;
-        let distance = apart.length() - rounding;
+        let mut direction = apart.normalize_or_zero();
+        let mut distance = apart.length() - rounding;
+        if is_swept {
+            distance = distance.min(along(direction));
+            if is_far(distance) {
+                return;
+            }
+            let at_the_end = closest(kind, &later).apart.normalize_or_zero();
+            let other = along(at_the_end);
+            if other > distance {
+                (distance, direction) = (other, at_the_end);
+            }
+        }
         if is_far(distance) {
             return;
         }
         let most = 0.5 * way;
-        let direction = apart.normalize_or_zero();
         self.candidates.push(Candidate { slots, kind, marks, is_within, distance, direction, reach, most });
     }
 }

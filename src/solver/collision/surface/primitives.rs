@@ -50,6 +50,8 @@ pub(super) struct Primitives {
     pub are_rows: bool,
     /// How large each body is, at most, at rest, m.
     pub sizes: Vec<f32>,
+    /// The shortest link along a mesh, m: no two primitives of which the distance counts are nearer to each other along it.
+    pub shortest_link: f32,
     /// Working memory.
     loose: Vec<([u32; 2], f32)>,
     links: Vec<([u32; 2], f32)>,
@@ -133,7 +135,9 @@ impl Primitives {
         self.links.extend_from_slice(&self.springs);
         self.links.extend(mesh.present_seams().map(|ends| (ends, 0.0)));
         self.near.rebuild(&self.links, radius, &self.on_mesh);
-        let Self { sizes, links, longest, forest, .. } = self;
+        let Self { sizes, links, longest, forest, shortest_link, .. } = self;
+        let lengths = links.iter().map(|(_, length)| *length).filter(|length| *length > 0.0);
+        *shortest_link = lengths.fold(f32::INFINITY, f32::min);
         longest.clear();
         longest.extend_from_slice(radius);
         for (ends, length) in links {

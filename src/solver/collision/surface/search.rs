@@ -4,6 +4,13 @@
 //! its body, for pairs within it, and one fixed in the world, for pairs of bodies. No new search is needed while all vertices stay
 //! inside; what moves together, or is far from all others, uses no margin up. `spread.rs` checks a whole body at once.
 //! What is looked at in each substep are not all of the pairs that were found, but those of the last one of the lists (`lists.rs`).
+//!
+//! *Fast motion in a crowd* would find nearly all pairs within such margins, as they allow for motion in all directions. There a search is
+//! for the paths of one substep: its boxes enclose these, and a pair that is apart along one direction at both of their ends, by more than it
+//! may leave them, is none (`pair_collector.rs`). As that is dearer, and has to be done in each substep, it is done where a search for
+//! all directions finds too many pairs for as long as it is good.
+
+mod boxes;
 
 use bevy::math::Vec3A;
 
@@ -14,8 +21,8 @@ use super::lists::{List, NearPair};
 use super::pair::Kind;
 use super::pair_collector::PairQuery;
 use super::primitives::Primitives;
-use super::spread::{Spread, margin_of, slow_margin};
-use super::tree::Box3;
+use super::spread::Spread;
+use super::tree::{Box3, Forest};
 use super::walks::Walks;
 use crate::solver::particles::{Particles, Vectors};
 
@@ -24,15 +31,24 @@ use super::super::material::ContactProperties;
 /// A body with a vertex farther from its mean than this many of its sizes has diverged and no longer collides.
 const MAX_EXTENT: f32 = 10.0;
 
+/// Number of pairs from which on there are too many, for each primitive, and beside that: bodies that are put into each other have more.
+const MAX_PAIRS: [usize; 2] = [200, 100_000];
+
 /// Number of pairs per primitive from which on old lists are rebuilt.
 const MAX_PAIRS_PER_PRIMITIVE: usize = 8;
 
 /// Age at which they are, in substeps.
 const MAX_AGE: u32 = 48;
 
-/// Only lists of a search that allowed for fast motion are rebuilt with age: its margins were, on average, wider than those of vertices at
-/// rest by this factor. A new search at narrow margins would find as many pairs again.
-const MIN_WIDENING: f32 = 1.5;
+/// Only where the margins are wider than those of vertices at rest by this factor, on average, are there searches for the paths of one substep.
+const MAX_WIDENING: f32 = 2.0;
+
+/// They begin where a search has found as many pairs per primitive for each time that it was good enough, or so many in any case.
+const MAX_PAIRS_PER_USE: usize = 2;
+const MAX_WIDE_PAIRS: usize = 24;
+
+/// Number of them after which one for all directions is tried anew.
+const SWEEPS: u32 = 64;
 
 /// Two primitives that may touch before a vertex leaves its box.
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,9 +59,9 @@ pub(super) struct Candidate {
     pub marks: [u8; 2],
     /// Whether both are of one body.
     pub is_within: bool,
-    /// Their distance at the start of the substep of the search, m.
+    /// Their distance at the start of the substep of the search, at least, m; if that is for the paths of the substep, all the way on these.
     pub distance: f32,
-    /// The unit vector between their closest points then.
+    /// The unit vector between their closest points at some time.
     pub direction: Vec3A,
     /// The distance at which they may touch, at most, m.
     pub reach: f32,
@@ -64,6 +80,8 @@ pub(super) struct Search {
     age: u32,
     /// Whether it allowed for fast motion.
     is_wide: bool,
+    /// Number of searches to come that are for the paths of one substep, as one for all directions has found too many pairs.
+    sweeps: u32,
     /// Distance from touching up to which pairs are found, within a body and of bodies, m.
     margins: [f32; 2],
     /// Since the search. The boxes allow for the limits.
@@ -86,6 +104,10 @@ pub(super) struct Search {
     drifts: Vec<Vec3A>,
     /// By body: the greatest radius, m.
     largest: Vec<f32>,
+    /// By body: see [`STOP_SLACK`], m.
+    slacks: Vec<f32>,
+    /// Whether what is known is good enough within these.
+    allows_slack: bool,
 }
 
 /// The particles at the start and at the end of a substep.
@@ -110,18 +132,21 @@ impl Search {
         (self.is_good, self.margins, self.listed_margin) = (false, [0.0; 2], 0.0);
     }
 
-    /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found.
+    /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found; or
+    /// those that would pass through each other, if no `margin` is given.
     pub fn ensure(
         &mut self,
         primitives: &Primitives,
         moving: Moving,
-        (properties, margin): (&[ContactProperties], f32),
+        (properties, margin): (&[ContactProperties], Option<f32>),
     ) {
+        self.allows_slack = margin.is_none();
+        let margin = margin.unwrap_or(0.0);
         if margin > self.listed_margin {
             (self.listed_margin, self.built) = (margin, 0);
         }
         let margins = [margin; 2];
-        if !(self.is_still_good(primitives, margins) && self.hold_lists(primitives, moving, false)) {
+        if !(self.is_still_good(primitives, moving, margins) && self.hold_lists(primitives, moving, false)) {
             self.renew(primitives, moving, (properties, margins, true));
             // Beyond all scales it may not hold even now: then all candidates are looked at.
             if !self.hold_lists(primitives, moving, true) {
@@ -131,7 +156,8 @@ impl Search {
         if self.near().is_empty() {
             self.crossings.clear();
         }
-        self.crossings.find(&self.candidates, &self.lists[1].displacements.moved, moving);
+        let moved = &Self::last(&self.displacements, &self.lists).moved;
+        self.crossings.find(&self.candidates, moved, moving);
     }
 
     /// Makes the candidates good for a displacement: all pairs that come within `margin` m of touching are among them, those within a body only if
@@ -142,9 +168,10 @@ impl Search {
         moving: Moving,
         (properties, margin, within): (&[ContactProperties], f32, bool),
     ) {
+        self.allows_slack = false;
         let margins = [if within { margin } else { 0.0 }, margin];
         let first_frame = usize::from(!within);
-        let is_good = self.is_still_good(primitives, margins);
+        let is_good = self.is_still_good(primitives, moving, margins);
         if !(is_good && self.hold((0, first_frame), primitives, moving, true)) {
             self.renew(primitives, moving, (properties, margins, within));
             if !self.hold((0, first_frame), primitives, moving, true) {
@@ -167,7 +194,8 @@ impl Search {
     /// A distance below which a pair has not come at the start and at the end of the substep, m.
     #[inline]
     pub fn least_distance(&self, near: NearPair) -> f32 {
-        self.candidate(near).least_distance(near.distance, &self.lists[1].displacements.moved)
+        self.candidate(near)
+            .least_distance(near.distance, &Self::last(&self.displacements, &self.lists).moved)
     }
 
     /// The same for one of the candidates, by what has moved since the search.
@@ -176,16 +204,15 @@ impl Search {
     }
 
     /// Whether the last search found all pairs within the `margins`. Those that were found for fast motions are too many for slow ones.
-    fn is_still_good(&mut self, primitives: &Primitives, margins: [f32; 2]) -> bool {
+    fn is_still_good(&mut self, primitives: &Primitives, moving: Moving, margins: [f32; 2]) -> bool {
         self.age = self.age.saturating_add(1);
         let is_within = (0..2).all(|frame| margins[frame] <= self.margins[frame]);
-        self.is_good &= is_within && !self.is_old(primitives);
+        self.is_good &= is_within && !self.is_old(primitives) && self.displacements.fit(moving);
         self.is_good
     }
 
     fn is_old(&self, primitives: &Primitives) -> bool {
-        let forest = &primitives.forest;
-        let many = MAX_PAIRS_PER_PRIMITIVE * (forest.edges.len() + forest.triangles.len());
+        let many = MAX_PAIRS_PER_PRIMITIVE * primitives.forest.primitives();
         self.is_wide && self.age > MAX_AGE && self.candidates.len() > many
     }
 
@@ -197,25 +224,55 @@ impl Search {
         (properties, margins, within): (&[ContactProperties], [f32; 2], bool),
     ) {
         (0..2).for_each(|frame| self.margins[frame] = self.margins[frame].max(margins[frame]));
-        self.make_boxes(primitives, moving, within);
-        let Self { displacements, boxes, frames, candidates, margins, lanes, .. } = self;
-        let limits = &displacements.limits;
-        lanes.fill(primitives, moving, limits);
-        let query = PairQuery { primitives, moving, properties, limits, margins: *margins, lanes };
-        self.is_overfull = !self.walks.find(query, boxes, (frames, &self.drifts), candidates);
+        let count = primitives.forest.primitives();
+        let had_many = self.candidates.len() > MAX_PAIRS_PER_USE * count * self.age as usize;
+        let was_wide = self.is_wide && !self.displacements.is_swept;
+        let may_sweep = self.make_boxes(primitives, moving, (within, false)) > MAX_WIDENING;
+        let (most, wide) = (max_pairs(&primitives.forest), MAX_WIDE_PAIRS * count);
+        let limit = if may_sweep { wide.min(most) } else { most };
+        if was_wide && had_many {
+            self.sweeps = SWEEPS;
+        }
+        let is_found = !(may_sweep && self.sweeps > 0) && self.find(primitives, moving, properties, limit);
+        self.is_overfull = !is_found;
+        if may_sweep && !is_found {
+            self.make_boxes(primitives, moving, (true, true));
+            self.is_overfull = !self.find(primitives, moving, properties, most);
+            self.sweeps = if self.sweeps == 0 { SWEEPS } else { self.sweeps - 1 };
+        }
         (self.is_good, self.age, self.built) = (!self.is_overfull, 0, 0);
+    }
+
+    /// Finds the candidates, by the limits and boxes; false, and none, where there are `limit` or more.
+    fn find(
+        &mut self,
+        primitives: &Primitives,
+        moving: Moving,
+        properties: &[ContactProperties],
+        limit: usize,
+    ) -> bool {
+        let Self { displacements, boxes, frames, candidates, margins, lanes, walks, drifts, .. } = self;
+        let (limits, is_swept) = (&displacements.limits, displacements.is_swept);
+        lanes.fill(primitives, moving, (limits, is_swept));
+        let query = PairQuery { primitives, moving, properties, limits, margins: *margins, lanes, is_swept };
+        walks.find((query, limit), boxes, (frames, drifts), candidates)
     }
 
     /// Has all candidates looked at in this substep.
     fn list_all(&mut self, moving: Moving) {
         let [_, last] = &mut self.lists;
         last.list_all(self.candidates.len(), moving);
-        self.crossings.list(&self.candidates, last);
+        self.displacements.is_swept = false;
+        self.crossings.list(&self.candidates, (&last.pairs, &last.displacements.limits), &self.slacks);
         (self.is_good, self.built) = (false, 2);
     }
 
     /// Whether the last good list holds, or one before it, of which those after it are made.
     fn hold_lists(&mut self, primitives: &Primitives, moving: Moving, is_fresh: bool) -> bool {
+        if self.displacements.is_swept {
+            self.list_swept();
+            return self.hold((0, 0), primitives, moving, true);
+        }
         for level in (0..=self.built).rev() {
             self.built = level;
             let with_each = self.has_more() && !is_fresh || level == 2 && !self.lists[1].pairs.is_empty();
@@ -226,6 +283,23 @@ impl Search {
             }
         }
         false
+    }
+
+    /// Makes the last list that of all candidates: they are for one substep only.
+    fn list_swept(&mut self) {
+        if self.built == 2 {
+            return;
+        }
+        let Self { candidates, displacements, lists: [_, last], crossings, slacks, .. } = self;
+        last.pairs.clear();
+        last.pairs.extend(near_pairs(candidates));
+        crossings.list(candidates, (&last.pairs, &displacements.limits), slacks);
+        self.built = 2;
+    }
+
+    /// The displacements by which pairs of the last list are told.
+    fn last<'a>(displacements: &'a Displacements, [_, last]: &'a [List; 2]) -> &'a Displacements {
+        if displacements.is_swept { displacements } else { &last.displacements }
     }
 
     /// Whether a list has to be made of the last good one.
@@ -247,13 +321,7 @@ impl Search {
             let measured = Measured { primitives, moving, frames };
             let wanted = (&candidates[..], *listed_margin, measured);
             let is_made = if self.built == 0 {
-                let numbers = (0..).zip(&*candidates);
-                let all = numbers.map(|(number, &Candidate { distance, direction, .. })| NearPair {
-                    number,
-                    distance,
-                    direction,
-                });
-                first.make((all, displacements, is_fresh), wanted)
+                first.make((near_pairs(candidates), displacements, is_fresh), wanted)
             } else {
                 second.make((first.pairs.iter().copied(), &first.displacements, is_fresh), wanted)
             };
@@ -267,11 +335,11 @@ impl Search {
         if self.built < 2 || last.pairs.is_empty() {
             return true;
         }
-        self.crossings.list(&self.candidates, last);
+        self.crossings.list(&self.candidates, (&last.pairs, &last.displacements.limits), &self.slacks);
         self.hold((2, 0), primitives, moving, true)
     }
 
-    /// Whether each vertex is within its limits of the search, for 0, or of a list, in the frames from one on.
+    /// Whether each vertex is within its limits of the search, for 0, or of a list, in the frames from one on, or beyond them by the slack.
     fn hold(
         &mut self,
         (level, first_frame): (usize, usize),
@@ -279,13 +347,14 @@ impl Search {
         moving: Moving,
         with_each: bool,
     ) -> bool {
-        let Self { displacements, lists, frames, walks, largest, .. } = self;
+        let Self { displacements, lists, frames, walks, largest, slacks, allows_slack, .. } = self;
         let displacements = match level.checked_sub(1) {
             None => displacements,
             Some(list) => &mut lists[list].displacements,
         };
         let measured = Measured { primitives, moving, frames };
-        displacements.hold(measured, (first_frame, with_each), |number, spread| {
+        let slack = |number: usize| if *allows_slack { slacks[number] } else { 0.0 };
+        displacements.hold(measured, (first_frame, with_each), slack, |number, spread| {
             let has_diverged = has_diverged(primitives, number, spread, moving);
             let (all, reach) = (spread.position, largest[number]);
             let is_in = |end: Vec3A| walks.body_boxes[number].contains(end, reach);
@@ -296,47 +365,21 @@ impl Search {
             }
         })
     }
+}
 
-    /// Computes the margins and boxes of the vertices, with room for ways within bodies if these are wanted.
-    fn make_boxes(&mut self, primitives: &Primitives, moving: Moving, within: bool) {
-        let Self { displacements, boxes, frames, drifts, largest, .. } = self;
-        let (forest, radius) = (&primitives.forest, moving.particles.radius());
-        displacements.begin(moving, forest.bodies.len());
-        boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
-        frames.clear();
-        drifts.clear();
-        largest.clear();
-        let margins = self.margins;
-        // All margins, and what they would be of slow vertices, m.
-        let mut sums = [0.0; 2];
-        let mut place = |slot: usize, displacement: Vec3A, frame: usize| {
-            let (limit, place) = margin_of(moving.ends(slot), displacement, (radius[slot], margins[frame]));
-            boxes[frame][slot] = place;
-            (sums[0], sums[1]) = (sums[0] + limit, sums[1] + slow_margin(radius[slot], margins[frame]));
-            limit
-        };
-        for (number, body) in forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, &displacements.origins);
-            frames.push(usize::from(!has_diverged(primitives, number, &spread, moving)));
-            let [_, drift] = spread.drift();
-            let mut thickest = 0.0_f32;
-            for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
-                let [start, end] = moving.ends(slot);
-                let own = if within { end - start - drift } else { Vec3A::ZERO };
-                for (frame, displacement) in [own, end - start].into_iter().enumerate() {
-                    displacements.limit((number, slot, frame), place(slot, displacement, frame));
-                }
-                thickest = thickest.max(radius[slot]);
-            }
-            largest.push(thickest);
-            drifts.push(drift);
-        }
-        for slot in primitives.balls.iter().map(|slot| *slot as usize) {
-            let [start, end] = moving.ends(slot);
-            displacements.limits[1][slot] = place(slot, end - start, 1);
-        }
-        self.is_wide = sums[0] > MIN_WIDENING * sums[1];
-    }
+/// The number of pairs from which on there are too many.
+fn max_pairs(forest: &Forest) -> usize {
+    MAX_PAIRS[0] * forest.primitives() + MAX_PAIRS[1]
+}
+
+/// All candidates, by what a search knows of them.
+fn near_pairs(candidates: &[Candidate]) -> impl Iterator<Item = NearPair> {
+    let near = |(number, &Candidate { distance, direction, .. }): (u32, &Candidate)| NearPair {
+        number,
+        distance,
+        direction,
+    };
+    (0..).zip(candidates).map(near)
 }
 
 /// Whether a body has diverged, as by too long explicit steps: all of its primitives would be near each other.

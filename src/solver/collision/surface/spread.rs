@@ -15,6 +15,10 @@ const SKIN: f32 = 0.6;
 /// The skin of a fast vertex: a multiple of its displacement in the substep of the search, but at most one of its radius.
 const FAST_SKIN: [f32; 2] = [4.0, 6.0];
 
+/// How far a vertex may leave its path, as a part of its radius. What is stopped on it goes farther; then those pairs are found that are near
+/// where it stopped.
+const SWEPT_SKIN: f32 = 0.1;
+
 /// Number of substeps for which the box of a body is to hold at the velocity in the search.
 const BODY_SUBSTEPS: f32 = 16.0;
 
@@ -27,7 +31,7 @@ const ROUNDING: f32 = 4e-7;
 /// The boxes of what the vertices of a body have done.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spread {
-    /// Their displacements from their origins, at the start and at the end of the substep, m.
+    /// Their displacements from their origins at the start of the substep, and at its end, m.
     displacement: [Box3; 2],
     /// Their positions at both, m.
     pub position: Box3,
@@ -35,7 +39,7 @@ pub(super) struct Spread {
 
 impl Spread {
     /// That of the vertices in some ranges of slots; those that are nowhere (NaN) are left out.
-    pub fn of(runs: &[Range<u32>], moving: Moving, origins: &Vectors) -> Self {
+    pub fn of(runs: &[Range<u32>], moving: Moving, origins: [&Vectors; 2]) -> Self {
         let mut ends = [[[f32::INFINITY, f32::NEG_INFINITY]; 3]; 3];
         pulp::Arch::new().dispatch(Extremes { runs, moving, origins, ends: &mut ends });
         let box_of = |ends: [[f32; 2]; 3]| {
@@ -66,7 +70,7 @@ impl Spread {
 struct Extremes<'a> {
     runs: &'a [Range<u32>],
     moving: Moving<'a>,
-    origins: &'a Vectors,
+    origins: [&'a Vectors; 2],
     ends: &'a mut [[[f32; 2]; 3]; 3],
 }
 
@@ -76,15 +80,16 @@ impl pulp::WithSimd for Extremes<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let Self { runs, moving, origins, ends } = self;
-        let arrays = [moving.start.axes(), moving.end.axes(), origins.axes()];
+        let arrays = [moving.start, moving.end, origins[0], origins[1]].map(|vectors| vectors.axes());
         for axis in 0..3 {
             let mut least = [simd.splat_f32s(f32::INFINITY); 3];
             let mut most = [simd.splat_f32s(f32::NEG_INFINITY); 3];
             for run in runs {
                 let slices = arrays.map(|array| &array[axis][run.start as usize..run.end as usize]);
-                let [start, end, origin] = slices.map(|slice| S::as_simd_f32s(slice));
-                for ((start, end), origin) in start.0.iter().zip(end.0).zip(origin.0) {
-                    let moved = [*start, *end].map(|position| simd.sub_f32s(position, *origin));
+                let [start, end, before, after] = slices.map(|slice| S::as_simd_f32s(slice));
+                let expected = before.0.iter().zip(after.0);
+                for ((start, end), (before, after)) in start.0.iter().zip(end.0).zip(expected) {
+                    let moved = [simd.sub_f32s(*start, *before), simd.sub_f32s(*end, *after)];
                     let lows = [moved[0], moved[1], simd.min_f32s(*start, *end)];
                     let highs = [moved[0], moved[1], simd.max_f32s(*start, *end)];
                     for kind in 0..3 {
@@ -93,8 +98,9 @@ impl pulp::WithSimd for Extremes<'_> {
                         most[kind] = simd.max_f32s(highs[kind], most[kind]);
                     }
                 }
-                for ((start, end), origin) in start.1.iter().zip(end.1).zip(origin.1) {
-                    let moved = [start, end].map(|position| position - origin);
+                let expected = before.1.iter().zip(after.1);
+                for ((start, end), (before, after)) in start.1.iter().zip(end.1).zip(expected) {
+                    let moved = [start - before, end - after];
                     let lows = [moved[0], moved[1], start.min(*end)];
                     let highs = [moved[0], moved[1], start.max(*end)];
                     for kind in 0..3 {
@@ -112,15 +118,15 @@ impl pulp::WithSimd for Extremes<'_> {
     }
 }
 
-/// Finds how far each vertex is from its origin.
+/// Finds how far each vertex is from its origins at the start and at the end of a substep.
 pub(super) struct EachMoved<'a> {
     pub runs: &'a [Range<u32>],
     pub moving: Moving<'a>,
-    pub origins: &'a Vectors,
+    pub origins: [&'a Vectors; 2],
     /// What is taken off, at the start and at the end, m.
     pub drift: [Vec3A; 2],
-    /// How far each may be, by slot, m.
-    pub limits: &'a [f32],
+    /// How far each may be, by slot, and by how much farther, m.
+    pub limits: (&'a [f32], f32),
     /// How far each is, by slot, m; 0 for what is nowhere.
     pub moved: &'a mut [f32],
     /// Whether any is farther than it may be.
@@ -132,20 +138,21 @@ impl pulp::WithSimd for EachMoved<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { runs, moving, origins, drift, limits, moved, is_beyond } = self;
+        let Self { runs, moving, origins, drift, limits: (limits, slack), moved, is_beyond } = self;
         let drift = drift.map(|drift| drift.to_array());
         let mut excess = simd.splat_f32s(0.0);
         for run in runs {
             let run = run.start as usize..run.end as usize;
-            let places = [moving.start, moving.end, origins].map(|vectors| vectors.axes());
-            let [start, end, origin] =
+            let places = [moving.start, moving.end, origins[0], origins[1]].map(|vectors| vectors.axes());
+            let [start, end, before, after] =
                 places.map(|axes| axes.map(|axis| S::as_simd_f32s(&axis[run.clone()])));
+            let sides = [(start, before), (end, after)];
             let (limits, moved) =
                 (S::as_simd_f32s(&limits[run.clone()]), S::as_mut_simd_f32s(&mut moved[run]));
             for number in 0..limits.0.len() {
                 let mut squares = [simd.splat_f32s(0.0); 2];
                 for axis in 0..3 {
-                    for (side, position) in [start, end].into_iter().enumerate() {
+                    for (side, (position, origin)) in sides.into_iter().enumerate() {
                         let displacement = simd.sub_f32s(position[axis].0[number], origin[axis].0[number]);
                         let displacement = simd.sub_f32s(displacement, simd.splat_f32s(drift[side][axis]));
                         squares[side] =
@@ -159,7 +166,7 @@ impl pulp::WithSimd for EachMoved<'_> {
                 excess = simd.max_f32s(simd.sub_f32s(far, limits.0[number]), excess);
             }
             for number in 0..limits.1.len() {
-                let square = [start, end].into_iter().zip(drift).map(|(position, drift)| {
+                let square = sides.into_iter().zip(drift).map(|((position, origin), drift)| {
                     let displacement =
                         |axis: usize| (position[axis].1[number] - origin[axis].1[number]) - drift[axis];
                     (0..3).map(|axis| displacement(axis) * displacement(axis)).sum::<f32>()
@@ -167,10 +174,10 @@ impl pulp::WithSimd for EachMoved<'_> {
                 let square = square.fold(0.0, f32::max);
                 let far = if square < f32::INFINITY { square.sqrt() } else { 0.0 };
                 moved.1[number] = far;
-                *is_beyond |= far > limits.1[number];
+                *is_beyond |= far > limits.1[number] + slack;
             }
         }
-        *is_beyond |= simd.reduce_max_f32s(excess) > 0.0;
+        *is_beyond |= simd.reduce_max_f32s(excess) > slack;
     }
 }
 
@@ -187,6 +194,22 @@ pub(super) fn margin_of(ends: [Vec3A; 2], displacement: Vec3A, (radius, margin):
     let own_margin = displacement + skin + 0.5 * margin + f32::MIN_POSITIVE;
     let reach = Vec3A::splat(radius + own_margin + rounding);
     (own_margin, Box3 { least: ends[0] - reach, most: ends[0] + reach })
+}
+
+/// The same where it follows its path: how far it may get from there, m; and the box of the path.
+#[inline(always)]
+pub(super) fn swept_margin_of(
+    ends: [Vec3A; 2],
+    displacement: Vec3A,
+    (radius, margin): (f32, f32),
+) -> (f32, Box3) {
+    if !(ends[0] + ends[1]).is_finite() {
+        return (0.0, Box3::NOTHING);
+    }
+    let own_margin = SWEPT_SKIN * radius + 0.5 * margin + f32::MIN_POSITIVE;
+    let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
+    let (least, most) = (ends[0].min(ends[0] + displacement), ends[0].max(ends[0] + displacement));
+    (own_margin, Box3 { least, most }.grown(radius + own_margin + rounding))
 }
 
 /// The margin of a vertex that hardly moves, m.

@@ -75,14 +75,14 @@ impl Surfaces {
             end.set(slot, start.get(slot) + h * particles.velocity.get(slot));
         }
         let rebound = rebound_of(settings, (Integrator::ImplicitEuler, h));
-        search.ensure(primitives, Moving { start, end, particles }, (properties, 0.0));
+        search.ensure(primitives, Moving { start, end, particles }, (properties, Some(0.0)));
         for with_common in ATTEMPTS {
             if !search.is_overfull {
                 break;
             }
             confinement.find(primitives, (start, end, particles), with_common);
             confinement.shorten(start, end);
-            search.ensure(primitives, Moving { start, end, particles }, (properties, 0.0));
+            search.ensure(primitives, Moving { start, end, particles }, (properties, Some(0.0)));
         }
         let moving = Moving { start, end, particles };
         let examination = Examination {

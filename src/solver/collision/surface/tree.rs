@@ -127,6 +127,11 @@ pub(super) struct Forest {
 }
 
 impl Forest {
+    /// The number of edges and triangles.
+    pub fn primitives(&self) -> usize {
+        self.edges.len() + self.triangles.len()
+    }
+
     /// Builds the trees of the bodies that `items` make up.
     pub fn build(&mut self, items: Vec<Item>, slots: usize) {
         *self = Self::default();

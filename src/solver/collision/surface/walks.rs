@@ -10,9 +10,6 @@ use super::spread::enlarged;
 use super::tree::{Box3, Forest};
 use crate::solver::parallel;
 
-/// Greatest number of pairs: for each primitive, and beside that. Bodies that are put into each other have more.
-const MAX_PAIRS: [usize; 2] = [200, 100_000];
-
 /// Number of tasks of a part of the work.
 const PART: usize = 32;
 
@@ -44,19 +41,23 @@ pub(super) struct Walks {
     stack: Vec<[u32; 2]>,
     tasks: Vec<Task>,
     parts: Vec<Vec<Candidate>>,
+    /// The number of pairs from which on there are too many.
+    limit: usize,
 }
 
 impl Walks {
-    /// Finds the pairs with overlapping boxes, in an order that follows from the mesh alone; false, and none, where there are too many.
+    /// Finds the pairs with overlapping boxes, in an order that follows from the mesh alone; false, and none, where
+    /// there are `limit` or more.
     /// The `boxes` are those of vertices, by slot, with their body and in the world. By body: in how many `frames` it is near something,
     /// 1 or 0 if it has diverged, to which those are added that have a partner; and its displacement as a whole, m.
     pub fn find(
         &mut self,
-        query: PairQuery,
+        (query, limit): (PairQuery, usize),
         boxes: &[Vec<Box3>; 2],
         (frames, drifts): (&mut [usize], &[Vec3A]),
         candidates: &mut Vec<Candidate>,
     ) -> bool {
+        self.limit = limit;
         let PairQuery { primitives, moving, .. } = query;
         let forest = &primitives.forest;
         self.fit(query, boxes, drifts);
@@ -87,7 +88,7 @@ impl Walks {
         }
         self.partners = partners;
         self.work((query, boxes, candidates));
-        let is_overfull = candidates.len() >= most_of(forest);
+        let is_overfull = candidates.len() >= limit;
         if is_overfull {
             candidates.clear();
         }
@@ -154,7 +155,7 @@ impl Walks {
             if self.tasks.len() >= MAX_TASKS {
                 self.work((query, boxes, candidates));
             }
-            if candidates.len() >= most_of(forest) {
+            if candidates.len() >= self.limit {
                 return;
             }
             let Self { stack, tasks, nodes, .. } = self;
@@ -209,7 +210,7 @@ impl Walks {
     fn work(&mut self, (query, boxes, candidates): (PairQuery, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
         let Self { tasks, parts, .. } = self;
         let forest = &query.primitives.forest;
-        let (most, count) = (most_of(forest), AtomicUsize::new(candidates.len()));
+        let (most, count) = (self.limit, AtomicUsize::new(candidates.len()));
         let cluster = |node: u32| forest.nodes[node as usize].second;
         let number = tasks.len().div_ceil(PART);
         if parts.len() < number {
@@ -235,9 +236,4 @@ impl Walks {
         parts[..number].iter_mut().for_each(|found| candidates.append(found));
         tasks.clear();
     }
-}
-
-/// The number of pairs from which on there are too many.
-fn most_of(forest: &Forest) -> usize {
-    MAX_PAIRS[0] * (forest.edges.len() + forest.triangles.len()) + MAX_PAIRS[1]
 }
