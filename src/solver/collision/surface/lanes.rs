@@ -111,7 +111,11 @@ impl Lanes {
     /// By edge of the first cluster: which edges of the second one are near.
     pub fn near_edges(&self, pair: ClusterPair) -> Masks {
         let mut masks = [0; EDGES];
-        pulp::Arch::new().dispatch(NearEdges { edges: &self.edges, pair, masks: &mut masks });
+        let (edges, arch) = (&self.edges, pulp::Arch::new());
+        match pair.is_swept {
+            true => arch.dispatch(NearEdges::<true> { edges, pair, masks: &mut masks }),
+            false => arch.dispatch(NearEdges::<false> { edges, pair, masks: &mut masks }),
+        }
         masks
     }
 
@@ -123,16 +127,26 @@ impl Lanes {
         (number, count): (u32, usize),
         (frame, is_swept): (usize, bool),
     ) -> Masks {
+        match is_swept {
+            true => self.triangles_near::<true>(points, (number, count), frame),
+            false => self.triangles_near::<false>(points, (number, count), frame),
+        }
+    }
+
+    fn triangles_near<const IS_SWEPT: bool>(
+        &self,
+        points: &[Point],
+        (number, count): (u32, usize),
+        frame: usize,
+    ) -> Masks {
         let mut masks = [0; EDGES];
-        let place = number as usize * TRIANGLES;
-        let triangles = &self.triangles;
-        pulp::Arch::new().dispatch(NearTriangles {
+        let (place, triangles) = (number as usize * TRIANGLES, &self.triangles);
+        pulp::Arch::new().dispatch(NearTriangles::<IS_SWEPT> {
             triangles,
             points,
             place,
             count,
             frame,
-            is_swept,
             masks: &mut masks,
         });
         masks
@@ -145,26 +159,28 @@ fn mask_of(excess: &[f32; EDGES]) -> u32 {
     (0..EDGES).fold(0, |mask, place| mask | u32::from(excess[place] <= 0.0) << place)
 }
 
-struct NearEdges<'a> {
+struct NearEdges<'a, const IS_SWEPT: bool> {
     edges: &'a Columns<6>,
     pair: ClusterPair<'a>,
     masks: &'a mut Masks,
 }
 
-impl pulp::WithSimd for NearEdges<'_> {
+impl<const IS_SWEPT: bool> pulp::WithSimd for NearEdges<'_, IS_SWEPT> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { edges, pair: ClusterPair { clusters, numbers, frame, margin, is_swept }, masks } = self;
+        let Self { edges, pair: ClusterPair { clusters, numbers, frame, margin, .. }, masks } = self;
         let [first, second] = [0, 1].map(|side| numbers[side] as usize * EDGES);
         let [own, others] = [0, 1].map(|side: usize| clusters[side].edges.len());
         let range = second..second + EDGES;
         let reaches = S::as_simd_f32s(&edges.reaches[frame][range.clone()]).0;
-        let [columns, later] = [edges.vectors::<S>(range.clone(), 0), edges.vectors::<S>(range, 1)];
+        let columns = edges.vectors::<S>(range.clone(), 0);
+        let later = if IS_SWEPT { edges.vectors::<S>(range, 1) } else { columns };
         let vectors = others.div_ceil(EDGES / reaches.len());
         for (place, mask) in (first..first + own).zip(&mut masks[..]) {
-            let [numbers, end] = [edges.get(place, 0), edges.get(place, 1)];
+            let numbers = edges.get(place, 0);
+            let end = if IS_SWEPT { edges.get(place, 1) } else { numbers };
             let reach = simd.splat_f32s(edges.reaches[frame][place] + margin);
             let mut excess = [f32::INFINITY; EDGES];
             let out = S::as_mut_simd_f32s(&mut excess).0;
@@ -184,7 +200,7 @@ impl pulp::WithSimd for NearEdges<'_> {
                 let wanted = simd.add_f32s(reach, reaches[vector]);
                 let limit = simd.mul_f32s(wanted, simd.sqrt_f32s(square));
                 let mut least = simd.sub_f32s(square, inner);
-                if is_swept {
+                if IS_SWEPT {
                     let (mut apart, mut along, mut across) = (zero, zero, zero);
                     for axis in 0..3 {
                         let way = simd.sub_f32s(simd.splat_f32s(end[axis]), later[axis][vector]);
@@ -202,25 +218,25 @@ impl pulp::WithSimd for NearEdges<'_> {
     }
 }
 
-struct NearTriangles<'a> {
+struct NearTriangles<'a, const IS_SWEPT: bool> {
     triangles: &'a Columns<12>,
     points: &'a [Point],
     place: usize,
     count: usize,
     frame: usize,
-    is_swept: bool,
     masks: &'a mut Masks,
 }
 
-impl pulp::WithSimd for NearTriangles<'_> {
+impl<const IS_SWEPT: bool> pulp::WithSimd for NearTriangles<'_, IS_SWEPT> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { triangles, points, place, count, frame, is_swept, masks } = self;
+        let Self { triangles, points, place, count, frame, masks } = self;
         let range = place..place + TRIANGLES;
         let reaches = S::as_simd_f32s(&triangles.reaches[frame][range.clone()]).0;
-        let [columns, later] = [triangles.vectors::<S>(range.clone(), 0), triangles.vectors::<S>(range, 1)];
+        let columns = triangles.vectors::<S>(range.clone(), 0);
+        let later = if IS_SWEPT { triangles.vectors::<S>(range, 1) } else { columns };
         let vectors = count.div_ceil(TRIANGLES / reaches.len());
         for (Point { start, end, reach }, mask) in points.iter().zip(&mut masks[..]) {
             let mut excess = [f32::INFINITY; EDGES];
@@ -241,7 +257,7 @@ impl pulp::WithSimd for NearTriangles<'_> {
                 let wanted = simd.add_f32s(simd.splat_f32s(*reach), reaches[vector]);
                 let limit = simd.mul_f32s(wanted, simd.sqrt_f32s(square));
                 let mut least = simd.sub_f32s(square, inner);
-                if is_swept {
+                if IS_SWEPT {
                     let (mut apart, mut along) = (zero, [zero; 3]);
                     for axis in 0..3 {
                         let way = simd.sub_f32s(simd.splat_f32s(end[axis]), later[axis][vector]);

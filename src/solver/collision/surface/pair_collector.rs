@@ -168,13 +168,18 @@ impl PairCollector<'_> {
             |of: &[f32], slots: &[u32]| slots.iter().map(|slot| of[*slot as usize]).fold(0.0, f32::max);
         let of_both = |of: &[f32]| largest(of, &slots[..sides]) + largest(of, &slots[sides..]);
         let reach = of_both(particles.radius());
-        let ends = slots.map(|slot| moving.ends(slot as usize));
-        let (corners, later) = (ends.map(|[start, _]| start), ends.map(|[_, end]| end));
+        let corners = slots.map(|slot| Vec3A::from(moving.start.get(slot as usize)));
+        let later = match is_swept {
+            true => slots.map(|slot| Vec3A::from(moving.end.get(slot as usize))),
+            false => corners,
+        };
         let frame = usize::from(!is_within);
         let margin = margins[frame] + of_both(&limits[frame]);
         // Less than the true one: what is told from it must not depend on rounding.
-        let rounding =
-            if is_swept { rounding_of(&corners).max(rounding_of(&later)) } else { rounding_of(&corners) };
+        let mut rounding = rounding_of(&corners);
+        if is_swept {
+            rounding = rounding.max(rounding_of(&later));
+        }
         // What is apart along one direction at both ends of straight paths is so all the way.
         let along = |direction: Vec3A| {
             let start = apart_along(kind, &corners, direction);
