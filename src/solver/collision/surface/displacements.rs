@@ -16,9 +16,8 @@ const LIMIT_IN_DISPLACEMENTS: f32 = 4.0;
 pub(super) struct Displacements {
     /// Where they were, by slot, m.
     pub origins: Vectors,
-    /// Where displacements are those from the paths of one substep: the ends of these, by slot, m.
+    /// The ends of paths from there, by slot, m: what displacements at the end of a substep are measured from, if it `is_swept`.
     path_ends: Vectors,
-    /// Whether they are.
     pub is_swept: bool,
     /// By slot: how far each may be from there, m.
     pub limits: [Vec<f32>; 2],
@@ -53,7 +52,10 @@ impl Displacements {
 
     /// Whether they may be those of the substep: paths are those of one substep only.
     pub fn fit(&self, moving: Moving) -> bool {
-        !self.is_swept || self.origins.axes() == moving.start.axes()
+        let is_same = |(one, other): (&[f32], &[f32])| {
+            one.iter().map(|number| number.to_bits()).eq(other.iter().map(|number| number.to_bits()))
+        };
+        !self.is_swept || self.origins.axes().into_iter().zip(moving.start.axes()).all(is_same)
     }
 
     /// Where vertices were, or were to be, at the start and at the end of the substep.

@@ -1,7 +1,7 @@
 //! The primitives of each cluster in arrays, so that those of two clusters that are far from each other are told apart eight at a time.
 //!
-//! The test is [`least_apart`](super::pair::least_apart): along the line of their centres; of what follows its path, along that at its
-//! start, at both of its ends.
+//! The test is [`least_apart`](super::pair::least_apart): along the line of their centres. In a search for the paths of one substep the distance
+//! along the line of the centres at their start counts, at both of their ends.
 
 mod columns;
 

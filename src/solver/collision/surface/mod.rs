@@ -13,7 +13,7 @@
 //!   particles of pairs that are not certified stop), exact for what slides and moves together, and needs no memory: all of
 //!   this is a function of where particles are at the start and at the end of a substep. A few pairs that fail are advanced
 //!   conservatively. The bounds of offset geometric contact remain for what they are best at, pairs that were not found: each
-//!   vertex stays in its bounding box of the last search (`search.rs`).
+//!   vertex stays near where it was in the last search, or near its path in the substep (`search.rs`).
 //!
 //! It is the last thing in a substep, after all that moves particles: any scheme, contacts of all kinds, strain limits.
 //! Pinned particles keep their prescribed motion, and push the others.

@@ -5,10 +5,10 @@
 //! inside; what moves together, or is far from all others, uses no margin up. `spread.rs` checks a whole body at once.
 //! What is looked at in each substep are not all of the pairs that were found, but those of the last one of the lists (`lists.rs`).
 //!
-//! *Fast motion in a crowd* would find nearly all pairs within such margins, as they allow for motion in all directions. There a search is
-//! for the paths of one substep: its boxes enclose these, and a pair that is apart along one direction at both of their ends, by more than it
-//! may leave them, is none (`pair_collector.rs`). As that is dearer, and has to be done in each substep, it is done where a search for
-//! all directions finds too many pairs for as long as it is good.
+//! *Fast motion in a crowd*: such margins allow for motion in all directions, so that most pairs of the crowd are within them. There a search
+//! is for the paths of one substep: its boxes enclose these, and it leaves out what is apart along one direction at both ends of the
+//! paths (`pair_collector.rs`). It costs more, and is good for one substep only; so it is done where a search for all directions finds too
+//! many pairs for the number of times that it is good enough.
 
 mod boxes;
 
@@ -40,14 +40,17 @@ const MAX_PAIRS_PER_PRIMITIVE: usize = 8;
 /// Age at which they are, in substeps.
 const MAX_AGE: u32 = 48;
 
-/// Only where the margins are wider than those of vertices at rest by this factor, on average, are there searches for the paths of one substep.
-const MAX_WIDENING: f32 = 2.0;
+/// Only where the limits are wider than those of vertices at rest by this factor, on average, are searches for the paths of one substep tried
+/// first. They cost twice as much, and each is good once.
+const MIN_SWEPT_WIDENING: f32 = 2.0;
 
-/// They begin where a search has found as many pairs per primitive for each time that it was good enough, or so many in any case.
+/// They are where a search for all directions has found more pairs than that, per primitive and time that it was good enough,
 const MAX_PAIRS_PER_USE: usize = 2;
+
+/// or more pairs than that per primitive, however long it would be good.
 const MAX_WIDE_PAIRS: usize = 24;
 
-/// Number of them after which one for all directions is tried anew.
+/// Number of searches for the paths of one substep after which one for all directions is tried anew.
 const SWEEPS: u32 = 64;
 
 /// Two primitives that may touch before a vertex leaves its box.
@@ -102,9 +105,11 @@ pub(super) struct Search {
     frames: Vec<usize>,
     /// By body: how far it moves as a whole in the substep of the search, m.
     drifts: Vec<Vec3A>,
-    /// By body: the greatest radius, m.
+    /// By body: the greatest radius, and half of the margin, m.
     largest: Vec<f32>,
-    /// By body: see [`STOP_SLACK`], m.
+    /// Whether all vertices were somewhere at both ends of the substep of the search.
+    all_finite: bool,
+    /// By body: see [`boxes::STOP_SLACK`], m.
     slacks: Vec<f32>,
     /// Whether what is known is good enough within these.
     allows_slack: bool,
@@ -132,8 +137,8 @@ impl Search {
         (self.is_good, self.margins, self.listed_margin) = (false, [0.0; 2], 0.0);
     }
 
-    /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found; or
-    /// those that would pass through each other, if no `margin` is given.
+    /// Lists all pairs that come within `margin` m of touching in a substep, in an order that does not depend on when they were found; without
+    /// a `margin` at least those that come so near that they are stopped.
     pub fn ensure(
         &mut self,
         primitives: &Primitives,
@@ -225,22 +230,23 @@ impl Search {
     ) {
         (0..2).for_each(|frame| self.margins[frame] = self.margins[frame].max(margins[frame]));
         let count = primitives.forest.primitives();
-        let had_many = self.candidates.len() > MAX_PAIRS_PER_USE * count * self.age as usize;
-        let was_wide = self.is_wide && !self.displacements.is_swept;
-        let may_sweep = self.make_boxes(primitives, moving, (within, false)) > MAX_WIDENING;
-        let (most, wide) = (max_pairs(&primitives.forest), MAX_WIDE_PAIRS * count);
-        let limit = if may_sweep { wide.min(most) } else { most };
-        if was_wide && had_many {
+        let many = MAX_PAIRS_PER_USE.saturating_mul(count).saturating_mul(self.age as usize);
+        if self.is_wide && self.candidates.len() > many {
             self.sweeps = SWEEPS;
         }
-        let is_found = !(may_sweep && self.sweeps > 0) && self.find(primitives, moving, properties, limit);
-        self.is_overfull = !is_found;
-        if may_sweep && !is_found {
+        let is_fast = self.make_boxes(primitives, moving, (within, false)) > MIN_SWEPT_WIDENING;
+        let most = max_pairs(&primitives.forest);
+        let limit = if is_fast { most.min(MAX_WIDE_PAIRS * count) } else { most };
+        let is_found = !(is_fast && self.sweeps > 0) && self.find(primitives, moving, properties, limit);
+        if !is_found {
             self.make_boxes(primitives, moving, (true, true));
-            self.is_overfull = !self.find(primitives, moving, properties, most);
             self.sweeps = if self.sweeps == 0 { SWEEPS } else { self.sweeps - 1 };
         }
-        (self.is_good, self.age, self.built) = (!self.is_overfull, 0, 0);
+        // Whether there are too many follows from the paths alone, whatever has been tried before.
+        self.is_overfull = !(is_found || self.find(primitives, moving, properties, most));
+        // What was nowhere on its path may be somewhere in another look at the same substep.
+        self.is_good = !self.is_overfull && (is_found || self.all_finite);
+        (self.age, self.built) = (0, 0);
     }
 
     /// Finds the candidates, by the limits and boxes; false, and none, where there are `limit` or more.

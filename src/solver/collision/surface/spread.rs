@@ -15,8 +15,7 @@ const SKIN: f32 = 0.6;
 /// The skin of a fast vertex: a multiple of its displacement in the substep of the search, but at most one of its radius.
 const FAST_SKIN: [f32; 2] = [4.0, 6.0];
 
-/// How far a vertex may leave its path, as a part of its radius. What is stopped on it goes farther; then those pairs are found that are near
-/// where it stopped.
+/// How far a vertex may be from its path, as a part of its radius.
 const SWEPT_SKIN: f32 = 0.1;
 
 /// Number of substeps for which the box of a body is to hold at the velocity in the search.
@@ -182,7 +181,7 @@ impl pulp::WithSimd for EachMoved<'_> {
 }
 
 /// The margin of a vertex of a `radius` that moves by `displacement`: how far it may get from the first of two places, m; and the box in which it
-/// is then, with its radius.
+/// is then, with its radius and half of the `margin`, the distance from touching up to which pairs are wanted, m.
 #[inline(always)]
 pub(super) fn margin_of(ends: [Vec3A; 2], displacement: Vec3A, (radius, margin): (f32, f32)) -> (f32, Box3) {
     if !(ends[0] + ends[1]).is_finite() {
@@ -191,9 +190,9 @@ pub(super) fn margin_of(ends: [Vec3A; 2], displacement: Vec3A, (radius, margin):
     let displacement = displacement.length();
     let skin = (SKIN * radius).max((FAST_SKIN[0] * displacement).min(FAST_SKIN[1] * radius));
     let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
-    let own_margin = displacement + skin + 0.5 * margin + f32::MIN_POSITIVE;
-    let reach = Vec3A::splat(radius + own_margin + rounding);
-    (own_margin, Box3 { least: ends[0] - reach, most: ends[0] + reach })
+    let limit = displacement + skin + f32::MIN_POSITIVE;
+    let reach = Vec3A::splat(radius + limit + 0.5 * margin + rounding);
+    (limit, Box3 { least: ends[0] - reach, most: ends[0] + reach })
 }
 
 /// The same where it follows its path: how far it may get from there, m; and the box of the path.
@@ -206,15 +205,15 @@ pub(super) fn swept_margin_of(
     if !(ends[0] + ends[1]).is_finite() {
         return (0.0, Box3::NOTHING);
     }
-    let own_margin = SWEPT_SKIN * radius + 0.5 * margin + f32::MIN_POSITIVE;
+    let limit = SWEPT_SKIN * radius + f32::MIN_POSITIVE;
     let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
     let (least, most) = (ends[0].min(ends[0] + displacement), ends[0].max(ends[0] + displacement));
-    (own_margin, Box3 { least, most }.grown(radius + own_margin + rounding))
+    (limit, Box3 { least, most }.grown(radius + limit + 0.5 * margin + rounding))
 }
 
-/// The margin of a vertex that hardly moves, m.
-pub(super) fn slow_margin(radius: f32, margin: f32) -> f32 {
-    SKIN * radius + 0.5 * margin
+/// How far a vertex that hardly moves may get, m.
+pub(super) fn slow_limit(radius: f32) -> f32 {
+    SKIN * radius
 }
 
 /// The box of a body, enlarged for some substeps in each of which it moves by `displacement`: while it overlaps no other one, nothing else has to

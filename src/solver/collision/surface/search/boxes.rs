@@ -4,11 +4,11 @@ use bevy::math::Vec3A;
 
 use super::super::pair::{CLOSE_PART, MIN_DISTANCE_PART};
 use super::super::primitives::Primitives;
-use super::super::spread::{Spread, margin_of, slow_margin, swept_margin_of};
+use super::super::spread::{Spread, margin_of, slow_limit, swept_margin_of};
 use super::super::tree::Box3;
 use super::{Moving, Search, has_diverged};
 
-/// Only lists of a search that allowed for fast motion are rebuilt with age: its margins were, on average, wider than those of vertices at
+/// Only lists of a search that allowed for fast motion are rebuilt with age: its limits were, on average, wider than those of vertices at
 /// rest by this factor. A new search at narrow margins would find as many pairs again.
 const MIN_WIDENING: f32 = 1.5;
 
@@ -20,14 +20,15 @@ const _: () = assert!(STOP_SLACK < 1.0 - (1.0 + CLOSE_PART) * MIN_DISTANCE_PART)
 
 impl Search {
     /// Computes the margins and boxes of the vertices, with room for ways within bodies if these are wanted, or for the paths of the
-    /// substep only. By how much wider the margins are than those of vertices at rest, on average.
+    /// substep only. By how much wider the limits are than those of vertices at rest, on average.
     pub(super) fn make_boxes(
         &mut self,
         primitives: &Primitives,
         moving: Moving,
         (within, is_swept): (bool, bool),
     ) -> f32 {
-        let Self { displacements, boxes, frames, drifts, largest, slacks, .. } = self;
+        let Self { displacements, boxes, frames, drifts, largest, slacks, all_finite, .. } = self;
+        *all_finite = true;
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
         displacements.begin(moving, forest.bodies.len(), is_swept);
         boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
@@ -36,7 +37,7 @@ impl Search {
         largest.clear();
         slacks.clear();
         let margins = self.margins;
-        // All margins, and what they would be of slow vertices, m.
+        // All limits, and what they would be of slow vertices, m.
         let mut sums = [0.0; 2];
         let mut place = |slot: usize, displacement: Vec3A, frame: usize| {
             let size = (radius[slot], margins[frame]);
@@ -45,7 +46,8 @@ impl Search {
                 false => margin_of(moving.ends(slot), displacement, size),
             };
             boxes[frame][slot] = place;
-            (sums[0], sums[1]) = (sums[0] + limit, sums[1] + slow_margin(radius[slot], margins[frame]));
+            *all_finite &= place.is_some();
+            (sums[0], sums[1]) = (sums[0] + limit, sums[1] + slow_limit(radius[slot]));
             limit
         };
         for (number, body) in forest.bodies.iter().enumerate() {
@@ -61,9 +63,11 @@ impl Search {
                 }
                 (thickest, thinnest) = (thickest.max(radius[slot]), thinnest.min(radius[slot]));
             }
-            // Neighbours touch at half of the way along the mesh.
-            slacks.push(STOP_SLACK * thinnest.min(0.25 * primitives.shortest_link));
-            largest.push(thickest);
+            // The distance of two sides is that of their thickest corners, which boxes of the others do not keep. Neighbours touch at half of
+            // the way along the mesh.
+            let slack = (thinnest - (1.0 - STOP_SLACK) * thickest).max(0.0);
+            slacks.push(slack.min(STOP_SLACK * 0.25 * primitives.shortest_link));
+            largest.push(thickest + 0.5 * margins[1]);
             drifts.push(drift);
         }
         for slot in primitives.balls.iter().map(|slot| *slot as usize) {
