@@ -58,11 +58,6 @@ impl Displacements {
         !self.is_swept || self.origins.axes().into_iter().zip(moving.start.axes()).all(is_same)
     }
 
-    /// Where vertices were, or were to be, at the start and at the end of the substep.
-    fn expected(&self) -> [&Vectors; 2] {
-        [&self.origins, if self.is_swept { &self.path_ends } else { &self.origins }]
-    }
-
     /// Limits the displacement of a vertex of a body.
     pub fn limit(&mut self, (body, slot, frame): (usize, usize, usize), limit: f32) {
         self.limits[frame][slot] = limit;
@@ -79,12 +74,14 @@ impl Displacements {
         slack: impl Fn(usize) -> f32,
         mut check: impl FnMut(usize, &Spread) -> bool,
     ) -> bool {
+        let Self { origins, path_ends, is_swept, limits, least_limits, moved } = self;
+        let expected = [&*origins, if *is_swept { path_ends } else { origins }];
         for (number, body) in primitives.forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, self.expected());
+            let spread = Spread::of(&body.runs, moving, expected);
             if !check(number, &spread) {
                 return false;
             }
-            let (frames, farthest, least) = (frames[number], spread.farthest(), self.least_limits[number]);
+            let (frames, farthest, least) = (frames[number], spread.farthest(), least_limits[number]);
             let slack = slack(number);
             let are_all_clear = (first_frame..frames).all(|frame| farthest[frame] <= least[frame] + slack);
             let drifts = [spread.drift(), [Vec3A::ZERO; 2]];
@@ -94,10 +91,10 @@ impl Displacements {
                 pulp::Arch::new().dispatch(EachMoved {
                     runs: &body.runs,
                     moving,
-                    origins: [&self.origins, if self.is_swept { &self.path_ends } else { &self.origins }],
+                    origins: expected,
                     drift,
-                    limits: (&self.limits[frame], slack),
-                    moved: &mut self.moved[frame],
+                    limits: (&limits[frame], slack),
+                    moved: &mut moved[frame],
                     is_beyond: &mut is_beyond,
                 });
                 if is_beyond {
@@ -108,10 +105,10 @@ impl Displacements {
         primitives.balls.iter().all(|slot| {
             let slot = *slot as usize;
             let ends = moving.ends(slot);
-            let expected = self.expected().map(|places| Vec3A::from(places.get(slot)));
+            let expected = expected.map(|places| Vec3A::from(places.get(slot)));
             let far = ends[0].distance(expected[0]).max(ends[1].distance(expected[1]));
-            self.moved[1][slot] = if far.is_finite() { far } else { 0.0 };
-            self.moved[1][slot] <= self.limits[1][slot]
+            moved[1][slot] = if far.is_finite() { far } else { 0.0 };
+            moved[1][slot] <= limits[1][slot]
         })
     }
 

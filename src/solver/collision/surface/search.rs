@@ -40,20 +40,20 @@ const MAX_PAIRS_PER_PRIMITIVE: usize = 8;
 /// Age at which they are, in substeps.
 const MAX_AGE: u32 = 48;
 
-/// Only where the limits are wider than those of vertices at rest by this factor, on average, are searches for the paths of one substep tried
-/// first. They cost twice as much, and each is good once.
+/// Motion is fast where limits are, on average, wider than those of vertices at rest by this factor. Only then are searches for the paths of one
+/// substep tried first: they cost more, and each is good once.
 const MIN_SWEPT_WIDENING: f32 = 2.0;
 
-/// They are where a search for all directions has found more pairs than that, per primitive and time that it was good enough,
+/// Number of pairs per primitive, for each time that a search for all directions was good enough, above which the next ones are for paths.
 const MAX_PAIRS_PER_USE: usize = 2;
 
-/// or more pairs than that per primitive, however long it would be good.
+/// Number of pairs per primitive at which a search for all directions stops where motion is fast, and one for paths takes its place.
 const MAX_WIDE_PAIRS: usize = 24;
 
-/// Number of searches for the paths of one substep after which one for all directions is tried anew.
+/// Number of searches for paths after which one for all directions is tried anew.
 const SWEEPS: u32 = 64;
 
-/// Two primitives that may touch before a vertex leaves its box.
+/// Two primitives that may touch while vertices are within their limits.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Candidate {
     pub slots: [u32; 4],

@@ -66,7 +66,8 @@ const FRICTION_TOLERANCE: f64 = 0.02;
 /// Number of solutions with friction where faces touch: each with the normal forces of the one before.
 const FACE_FRICTION_PASSES: usize = 2;
 
-/// The part of [`max_depth`](Contacts::max_depth) that may be left where contacts begin with the forces of the last step: what rests stays where it is to the bit.
+/// The part of [`max_depth`](Contacts::max_depth) that may be left where contacts begin with the forces of the last step: what rests stays
+/// where it is to the bit.
 const REST: f64 = 0.1;
 
 /// What a solution may leave of the greatest depth of the one before; where it is more, K grows.
