@@ -166,7 +166,7 @@ impl<const N: usize> BendList<N> {
         for entry in groups().filter(|group| group.len() < MIN_RUN).flatten() {
             place(entry.bend, self.len() + loose.len());
             let element = bends[entry.bend as usize];
-            loose.push(Loose { ends: entry.ends(), owned: entry.owned, element });
+            loose.push(Loose { ends: entry.ends(), owned: entry.owned, element, computed: None });
         }
     }
 }

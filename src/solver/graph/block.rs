@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::anchored::{Anchored, AnchoredPlace};
 use super::bend_runs::BendRuns;
 use crate::solver::buckets::sort_by_number;
 use crate::solver::elements::{Spring, Table, for_each_kind};
@@ -13,7 +14,7 @@ pub(in crate::solver) const MIN_RUN: usize = 8;
 /// stores of those before.
 const CHUNK: usize = 64;
 
-/// Runs that are one chunk each are joined to one of up to this number of places.
+/// A run with holes has up to this number of places.
 pub(in crate::solver) const MAX_JOINED: usize = 256;
 
 /// Places between two runs, at most, for which they are joined: what is computed there for nothing costs less than a
@@ -33,7 +34,7 @@ pub(in crate::solver) struct Run {
     pub upper: u32,
     /// Number of springs and holes.
     pub count: u32,
-    /// The places at which there is no spring. A run with holes is one chunk.
+    /// The places at which there is no spring, or an anchored one (`anchored.rs`). A run with holes is one chunk.
     pub holes: Vec<Range<u32>>,
     /// Where their parameters begin in the block.
     pub start: u32,
@@ -52,6 +53,8 @@ pub(in crate::solver) struct Loose<E, const N: usize> {
     /// Whether the block owns each of the ends.
     pub owned: [bool; N],
     pub element: E,
+    /// The number of its pull among those that are computed in runs, if it is.
+    pub computed: Option<u32>,
 }
 
 macro_rules! define_loose {
@@ -88,29 +91,50 @@ pub(in crate::solver) struct Block {
     pub damping: Vec<f32>,
     /// The springs in runs, with [`NO_SPRING`] in holes, then the loose ones.
     pub springs: Vec<u32>,
+    /// The holes in which a loose spring is computed, in ascending order.
+    pub anchored: Vec<AnchoredPlace>,
     pub bends: BendRuns,
     pub loose: LooseElements,
 }
 
-/// A spring of a block, in the order of sorting.
+/// In the number of a spring.
+const TENSION_ONLY: u32 = 1 << 31;
+
+/// A spring of a block, in the order of sorting. As small as can be: there are as many as springs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
     /// What all springs of a run have in common, apart from the offset: the tile, and which ends the block owns.
     group: u32,
     pub offset: u32,
     pub lower: u32,
-    pub spring: u32,
+    /// The number of the spring; with [`TENSION_ONLY`] if it only pulls.
+    spring: u32,
 }
 
 impl Entry {
-    /// A spring of a tile, its lower slot and its offset, and whether the block owns its lower and its upper end.
-    pub fn new(tile: u32, owned: [bool; 2], [lower, offset]: [u32; 2], spring: u32) -> Self {
+    /// A spring of a tile with its number, its lower slot and its offset, and whether the block owns its lower and its upper end.
+    pub fn new(
+        tile: u32,
+        owned: [bool; 2],
+        [lower, offset]: [u32; 2],
+        (number, spring): (usize, &Spring),
+    ) -> Self {
         let kind = match owned {
             [true, true] => 0,
             [true, false] => 1,
             [false, _] => 2,
         };
-        Self { group: 3 * tile + kind, offset, lower, spring }
+        let flag = if spring.tension_only { TENSION_ONLY } else { 0 };
+        Self { group: 3 * tile + kind, offset, lower, spring: number as u32 | flag }
+    }
+
+    /// The number of the spring.
+    pub fn spring(&self) -> u32 {
+        self.spring & !TENSION_ONLY
+    }
+
+    fn tension_only(&self) -> bool {
+        self.spring & TENSION_ONLY != 0
     }
 
     fn owned(&self) -> [bool; 2] {
@@ -144,6 +168,13 @@ impl Run {
         let left = self.count as usize - done;
         // What is left after a chunk fills a vector, or there is none.
         if left < CHUNK + MIN_RUN || !self.holes.is_empty() { left } else { CHUNK }
+    }
+
+    /// Whether places at its ends may be holes: it is one chunk, and the block owns all ends.
+    pub(super) fn may_have_holes(&self) -> bool {
+        self.owned == [true; 2]
+            && self.chunk_from(0) == self.count as usize
+            && (self.count as usize) < MAX_JOINED
     }
 
     /// Number of places between this run and the next, if both may be one: each is a chunk, and no particle has forces
@@ -182,12 +213,15 @@ impl Block {
     }
 
     pub(super) fn set_parameters(&mut self, index: usize, spring: Spring) {
-        let Some(rest_length) = self.rest_length.get_mut(index) else {
-            self.loose.springs[index - self.rest_length.len()].element = spring;
-            return;
-        };
+        let mut index = index;
+        if let Some(loose) = index.checked_sub(self.rest_length.len()) {
+            let loose = &mut self.loose.springs[loose];
+            loose.element = spring;
+            let Some(computed) = loose.computed else { return };
+            index = self.anchored[computed as usize].place as usize;
+        }
         let Spring { stiffness, damping, .. } = spring;
-        *rest_length = spring.length_at_rest();
+        self.rest_length[index] = spring.length_at_rest();
         self.stiffness[index] = stiffness;
         self.damping[index] = damping;
         let run = self.runs.partition_point(|run| run.start as usize <= index) - 1;
@@ -196,15 +230,14 @@ impl Block {
         }
     }
 
-    /// Divides sorted entries into runs and loose springs.
-    pub(super) fn fill_runs(&mut self, springs: &Table<Spring, 2>, entries: &[Entry]) {
+    /// Divides sorted entries into runs and loose springs; `anchored` ones may be computed in runs.
+    pub(super) fn fill_runs(&mut self, springs: &Table<Spring, 2>, entries: &[Entry], anchored: &Anchored) {
         let springs = springs.elements();
-        let spring_of = |entry: &Entry| &springs[entry.spring as usize];
-        let material = |entry: &Entry| [spring_of(entry).stiffness, spring_of(entry).damping];
+        let spring_of = |entry: &Entry| &springs[entry.spring() as usize];
         let consecutive = |one: &Entry, next: &Entry| {
             one.lower + 1 == next.lower
-                && (one.group, one.offset) == (next.group, next.offset)
-                && spring_of(one).tension_only == spring_of(next).tension_only
+                && (one.group, one.offset, one.tension_only())
+                    == (next.group, next.offset, next.tension_only())
         };
         let mut short: Vec<&Entry> = Vec::new();
         [&mut self.rest_length, &mut self.stiffness, &mut self.damping]
@@ -217,51 +250,66 @@ impl Block {
                 continue;
             }
             let Entry { offset, lower, .. } = group[0];
-            let first = material(&group[0]);
-            let is_uniform = group.iter().all(|entry| material(entry) == first);
-            self.begin_run(Run {
+            let run = Run {
                 lower,
                 upper: lower + offset,
                 count: group.len() as u32,
                 holes: Vec::new(),
                 start: self.springs.len() as u32,
                 owned: group[0].owned(),
-                tension_only: spring_of(&group[0]).tension_only,
-                material: is_uniform.then_some(first),
-            });
-            for entry in group {
-                let spring = spring_of(entry);
-                self.rest_length.push(spring.length_at_rest());
-                self.stiffness.push(spring.stiffness);
-                self.damping.push(spring.damping);
-                self.springs.push(entry.spring);
-            }
+                tension_only: group[0].tension_only(),
+                material: None,
+            };
+            self.begin_run(run, anchored);
+            group.iter().for_each(|entry| self.push_place(entry.spring(), spring_of(entry)));
         }
+        self.end_run(anchored);
         for entry in short {
-            let Entry { offset, lower, spring, .. } = *entry;
+            let Entry { offset, lower, .. } = *entry;
             self.loose.springs.push(Loose {
                 ends: [lower, lower + offset],
                 owned: entry.owned(),
                 element: *spring_of(entry),
+                computed: None,
             });
-            self.springs.push(spring);
+            self.springs.push(entry.spring());
         }
     }
 
     /// Lists a run, of which the parameters come next, or joins it to the last one.
-    fn begin_run(&mut self, run: Run) {
-        let last = self.runs.last_mut();
-        let Some((last, hole)) = last.and_then(|last| last.hole_before(&run).map(|hole| (last, hole))) else {
+    fn begin_run(&mut self, mut run: Run, anchored: &Anchored) {
+        let hole = self.runs.last().and_then(|last| last.hole_before(&run));
+        let (Some(hole), Some(mut last)) = (hole, self.runs.pop_if(|_| hole.is_some())) else {
+            self.end_run(anchored);
+            run.start = self.springs.len() as u32;
+            self.extend_front(&mut run, anchored);
             self.runs.push(run);
             return;
         };
+        let first = last.lower + last.count;
         last.holes.push(last.count..last.count + hole);
         last.count += hole + run.count;
-        last.material = last.material.filter(|material| run.material == Some(*material));
-        let places = self.springs.len() + hole as usize;
-        self.springs.resize(places, NO_SPRING);
-        [&mut self.rest_length, &mut self.stiffness, &mut self.damping]
-            .into_iter()
-            .for_each(|numbers| numbers.resize(places, 0.0));
+        (first..first + hole).for_each(|lower| self.push_hole(&last, lower, anchored));
+        self.runs.push(last);
+    }
+
+    /// Finds what the springs of the last run have in common, when all of its parameters are there.
+    fn end_run(&mut self, anchored: &Anchored) {
+        self.extend_back(anchored);
+        let Some(run) = self.runs.last_mut() else { return };
+        let (stiffness, damping) =
+            (&self.stiffness[run.start as usize..], &self.damping[run.start as usize..]);
+        let first = [stiffness[0], damping[0]];
+        let is_uniform = |numbers: &[f32], first: f32| numbers.iter().all(|number| *number == first);
+        run.material =
+            (is_uniform(stiffness, first[0]) && is_uniform(damping, first[1])).then_some(first);
+    }
+
+    /// Appends a place to the last run, and the parameters of what is computed there.
+    pub(super) fn push_place(&mut self, number: u32, spring: &Spring) {
+        self.rest_length.push(spring.length_at_rest());
+        self.stiffness.push(spring.stiffness);
+        self.damping.push(spring.damping);
+        self.springs.push(number);
     }
 }

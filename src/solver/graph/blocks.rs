@@ -11,6 +11,7 @@
 //!
 //! In which order the forces on a particle are added follows from its island alone: see `layout.rs`.
 
+use super::anchored::Anchored;
 use super::bend_blocks::BendPlaces;
 use super::block::{Block, Entry, Loose, NO_SPRING};
 use super::layout::Layout;
@@ -162,8 +163,10 @@ impl Blocks {
         self.blocks.extend(blocks.map(|slots| Block { slots, ..Block::default() }));
         self.places.clear();
         self.places.resize(springs.sorted(), [None; 2]);
+        let mut anchored = self.anchored_entries(springs);
         for (number, entries) in self.sorted_entries(springs, &layout).into_iter().enumerate() {
-            self.blocks[number].fill_runs(springs, &entries);
+            let anchored = Anchored::new(springs, &mut anchored[number]);
+            self.blocks[number].fill_runs(springs, &entries, &anchored);
             let springs = self.blocks[number].springs.iter().zip(0..);
             for (spring, index) in springs.filter(|(spring, _)| **spring != NO_SPRING) {
                 let [first, second] = &mut self.places[*spring as usize];
@@ -173,6 +176,7 @@ impl Blocks {
         }
         let anchored = (0..springs.sorted()).filter(|index| springs.is_anchored(*index));
         anchored.for_each(|index| self.add_spring(springs, index));
+        self.link_anchored();
         for index in springs.sorted()..springs.len() {
             self.places.push([None; 2]);
             self.add_spring(springs, index);
@@ -181,6 +185,33 @@ impl Blocks {
         self.loose_places = LoosePlaces::default();
         self.list_loose(elements);
         self.are_closed = self.blocks.iter().all(Block::is_closed);
+    }
+
+    /// The anchored springs of which a block owns both ends, by block.
+    fn anchored_entries(&self, springs: &Table<Spring, 2>) -> Vec<Vec<Entry>> {
+        let mut entries = vec![Vec::new(); self.blocks.len()];
+        for index in (0..springs.sorted()).filter(|index| springs.is_anchored(*index)) {
+            let ends = springs.all_ends()[index];
+            let [lower, upper] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+            if let Some(block) = self.block_of(lower).filter(|block| self.block_of(upper) == Some(*block)) {
+                let spring = (index, &springs.elements()[index]);
+                entries[block].push(Entry::new(0, [true; 2], [lower, upper - lower], spring));
+            }
+        }
+        entries
+    }
+
+    /// Tells the loose springs that are computed in runs.
+    fn link_anchored(&mut self) {
+        for (number, block) in self.blocks.iter_mut().enumerate() {
+            for (computed, anchored) in (0..).zip(&block.anchored) {
+                let places = self.places[anchored.spring as usize].iter().flatten();
+                for place in places.filter(|place| place.block as usize == number) {
+                    let loose = place.index as usize - block.rest_length.len();
+                    block.loose.springs[loose].computed = Some(computed);
+                }
+            }
+        }
     }
 
     /// The springs of each block that may be in runs, sorted.
@@ -198,8 +229,9 @@ impl Blocks {
             }
             Some(block)
         };
-        for (spring, &[first, second]) in springs.all_ends()[..springs.sorted()].iter().enumerate() {
-            if springs.is_anchored(spring) {
+        let sorted = springs.all_ends()[..springs.sorted()].iter().zip(springs.elements());
+        for (number, (&[first, second], spring)) in sorted.enumerate() {
+            if springs.is_anchored(number) {
                 continue;
             }
             let (lower, upper) = (first.min(second), first.max(second));
@@ -207,7 +239,7 @@ impl Blocks {
             let blocks = [find(lower), find(upper)];
             let mut add = |block: Option<usize>, slot, owned| {
                 let Some(block) = block else { return };
-                entries[block].push(Entry::new(layout.tile_of(slot), owned, [lower, offset], spring as u32));
+                entries[block].push(Entry::new(layout.tile_of(slot), owned, [lower, offset], (number, spring)));
             };
             if blocks[0] == blocks[1] {
                 add(blocks[0], lower, [true; 2]);
@@ -276,7 +308,7 @@ impl Blocks {
             let Some(number) = block.filter(|_| !blocks[..place].contains(&block)) else { continue };
             let owned = blocks.map(|other| other == block);
             self.are_closed &= owned == [true; N];
-            list(&mut self.blocks[number]).push(Loose { ends, owned, element });
+            list(&mut self.blocks[number]).push(Loose { ends, owned, element, computed: None });
             listed[place] = Some(number as u32);
         }
         listed

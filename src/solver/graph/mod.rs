@@ -5,6 +5,7 @@
 //! scheme, [`Exclusions`] the contacts, couplings the stability bounds. All of these are caches: pure functions
 //! of the state. An element that is removed leaves them at once.
 
+pub(super) mod anchored;
 mod bend_blocks;
 mod bend_runs;
 pub(super) mod block;

@@ -3,7 +3,7 @@
 use bevy::math::Vec3;
 
 use super::bends::AddBends;
-use super::springs::AddSprings;
+use super::springs::{AddSprings, SpringForces};
 use super::{Motion, in_vectors, run};
 use crate::solver::elements::{Element, for_each_kind};
 use crate::solver::field::Field;
@@ -16,8 +16,14 @@ macro_rules! define_add_loose {
     ($($(#[$meta:meta])* $kind:ident: $element:ty, $ends:literal;)*) => {
         /// Adds the forces of the loose elements of all kinds.
         #[inline(always)]
-        fn add_all_loose(block: &Block, motion: &Motion, force: &mut [&mut [f32]; 3]) {
-            $($(#[$meta])* add_loose::<$element, $ends>(&block.loose.$kind, motion, force, block.slots.start);)*
+        fn add_all_loose(
+            block: &Block,
+            motion: &Motion,
+            force: &mut [&mut [f32]; 3],
+            computed: &SpringForces,
+        ) {
+            let start = block.slots.start;
+            $($(#[$meta])* add_loose::<$element, $ends>(&block.loose.$kind, motion, force, computed, start);)*
         }
     };
 }
@@ -33,7 +39,7 @@ pub(super) fn block_accelerations(
 ) {
     let start = block.slots.start;
     begin_forces(start, motion, field, acceleration);
-    add_elements(block, motion, field, acceleration);
+    add_elements(block, motion, field, acceleration, &mut SpringForces::new());
     let count = acceleration[0].len();
     // The same in the arrays of the motion.
     let range = start - motion.first..start - motion.first + count;
@@ -101,7 +107,13 @@ pub(super) fn begin_forces(start: usize, motion: &Motion, field: &Field, force: 
 
 /// Adds the forces of gases and of all elements to the particles of a block.
 #[inline(always)]
-pub(super) fn add_elements(block: &Block, motion: &Motion, field: &Field, force: &mut [&mut [f32]; 3]) {
+pub(super) fn add_elements(
+    block: &Block,
+    motion: &Motion,
+    field: &Field,
+    force: &mut [&mut [f32]; 3],
+    forces: &mut SpringForces,
+) {
     let [x, y, z] = force;
     let mut force = [&mut **x, &mut **y, &mut **z];
     let inverse_mass = &motion.inverse_mass[block.slots.start - motion.first..][..force[0].len()];
@@ -116,12 +128,12 @@ pub(super) fn add_elements(block: &Block, motion: &Motion, field: &Field, force:
         }
     }
     if !block.runs.is_empty() {
-        run(AddSprings { block, motion, force: &mut force });
+        run(AddSprings { block, motion, force: &mut force, forces });
     }
     if AddBends::is_needed(block) {
         run(AddBends { block, motion, force: &mut force });
     }
-    add_all_loose(block, motion, &mut force);
+    add_all_loose(block, motion, &mut force, forces);
 }
 
 /// Adds the forces of loose elements one by one. Their ends are anywhere: to gather eight of them takes longer than to
@@ -131,6 +143,7 @@ fn add_loose<E: Element<N>, const N: usize>(
     loose: &[Loose<E, N>],
     motion: &Motion,
     force: &mut [&mut [f32]; 3],
+    computed: &SpringForces,
     start: usize,
 ) {
     if loose.is_empty() {
@@ -141,12 +154,18 @@ fn add_loose<E: Element<N>, const N: usize>(
     let [x, y, z] = force;
     let count = x.len();
     let (x, y, z) = (&mut x[..count], &mut y[..count], &mut z[..count]);
-    for Loose { ends, owned, element } in loose {
+    for Loose { ends, owned, element, computed: number } in loose {
         let weights = element.weights();
-        // What is undamped does not depend on velocities: they need not be read.
-        let is_damped = element.rates().damping != 0.0;
-        let rate = if is_damped { combine(velocity, ends, weights, first) } else { Vec3::ZERO };
-        let pull = element.pull(combine(position, ends, weights, first), rate);
+        let pull = if let Some(number) = number {
+            // In runs, pulls are those of the lower ends.
+            let pull = computed.anchored(*number);
+            if ends[0] < ends[1] { pull } else { -pull }
+        } else {
+            // What is undamped does not depend on velocities: they need not be read.
+            let is_damped = element.rates().damping != 0.0;
+            let rate = if is_damped { combine(velocity, ends, weights, first) } else { Vec3::ZERO };
+            element.pull(combine(position, ends, weights, first), rate)
+        };
         for end in 0..N {
             if owned[end] {
                 let at = ends[end] as usize - start;

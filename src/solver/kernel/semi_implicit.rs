@@ -2,6 +2,7 @@
 
 use super::accelerations::{add_elements, begin_forces, block_accelerations};
 use super::closed::{Closed, Next, Substeps};
+use super::springs::SpringForces;
 use super::{Accelerate, in_vectors};
 
 /// A substep of semi-implicit Euler: the new state of the particles of one block.
@@ -65,9 +66,10 @@ impl pulp::WithSimd for &mut AdvanceInPlace<'_> {
             return self.kick_and_drift();
         }
         begin_forces(block.slots.start, &closed.motion(), field, acceleration);
+        let mut forces = SpringForces::new();
         let Substeps { count, duration, .. } = closed.substeps;
         for substep in 1..=count {
-            add_elements(block, &closed.motion(), field, acceleration);
+            add_elements(block, &closed.motion(), field, acceleration, &mut forces);
             let next = if substep == count { Next::Acceleration } else { closed.next() };
             for part in in_vectors(block.slots.start, acceleration[0].len()) {
                 for (axis, force) in acceleration.iter_mut().enumerate() {

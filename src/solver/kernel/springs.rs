@@ -5,13 +5,37 @@ use bevy::math::Vec3;
 use super::Motion;
 use super::accelerations::LANES;
 use crate::solver::elements::{Element, Spring};
+use crate::solver::graph::anchored::MAX_ANCHORED;
 use crate::solver::graph::block::{Block, MAX_JOINED, Run};
 
 /// Numbers computed together.
 type Lanes = [f32; LANES];
 
-/// Forces of the springs of a chunk, from index `LANES`, with zeros on both sides.
-struct Forces([[f32; LANES + MAX_JOINED + LANES + LANES]; 3]);
+/// Working memory of the forces of springs.
+pub(super) struct SpringForces {
+    /// Those of the springs of a chunk, from index `LANES`, with zeros on both sides.
+    chunk: Chunk,
+    /// The pulls of anchored springs.
+    anchored: [Vec3; MAX_ANCHORED],
+}
+
+type Chunk = [[f32; LANES + MAX_JOINED + LANES + LANES]; 3];
+
+impl SpringForces {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self {
+            chunk: [[0.0; LANES + MAX_JOINED + LANES + LANES]; 3],
+            anchored: [Vec3::ZERO; MAX_ANCHORED],
+        }
+    }
+
+    /// The pull of an anchored spring that was computed in a run.
+    #[inline(always)]
+    pub fn anchored(&self, number: u32) -> Vec3 {
+        self.anchored[number as usize % MAX_ANCHORED]
+    }
+}
 
 /// Adds the forces of all springs in runs. Work of its own, as the compiler would else copy it into each that evaluates
 /// forces.
@@ -19,6 +43,7 @@ pub(super) struct AddSprings<'a, 'b> {
     pub block: &'a Block,
     pub motion: &'a Motion<'a>,
     pub force: &'a mut [&'b mut [f32]; 3],
+    pub forces: &'a mut SpringForces,
 }
 
 impl pulp::WithSimd for AddSprings<'_, '_> {
@@ -26,9 +51,10 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { block, motion, force } = self;
+        let Self { block, motion, force, forces } = self;
         let start = block.slots.start;
-        let mut forces = Forces([[0.0; LANES + MAX_JOINED + LANES + LANES]; 3]);
+        let SpringForces { chunk: forces, anchored: pulls } = forces;
+        let mut anchored = block.anchored.iter().zip(pulls).peekable();
         for run in &block.runs {
             let (count, offset) = (run.count as usize, (run.upper - run.lower) as usize);
             let mut done = 0;
@@ -36,14 +62,19 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
                 let chunk = run.chunk_from(done);
                 let part = (done, chunk);
                 match (run.tension_only, run.material) {
-                    (false, Some(_)) => compute::<false, true>(block, run, part, motion, &mut forces),
-                    (true, Some(_)) => compute::<true, true>(block, run, part, motion, &mut forces),
-                    (false, None) => compute::<false, false>(block, run, part, motion, &mut forces),
-                    (true, None) => compute::<true, false>(block, run, part, motion, &mut forces),
+                    (false, Some(_)) => compute::<false, true>(block, run, part, motion, forces),
+                    (true, Some(_)) => compute::<true, true>(block, run, part, motion, forces),
+                    (false, None) => compute::<false, false>(block, run, part, motion, forces),
+                    (true, None) => compute::<true, false>(block, run, part, motion, forces),
                 }
                 // Only runs of one chunk have holes: few places each, for which a call takes longer than they do.
-                let [x, y, z] = &mut forces.0;
+                let [x, y, z] = &mut *forces;
                 for hole in &run.holes {
+                    let end = run.start + hole.end;
+                    while let Some((place, pull)) = anchored.next_if(|(anchored, _)| anchored.place < end) {
+                        let at = LANES + (place.place - run.start) as usize;
+                        *pull = Vec3::new(x[at], y[at], z[at]);
+                    }
                     for place in LANES + hole.start as usize..LANES + hole.end as usize {
                         (x[place], y[place], z[place]) = (0.0, 0.0, 0.0);
                     }
@@ -51,13 +82,13 @@ impl pulp::WithSimd for AddSprings<'_, '_> {
                 let lower = (run.lower as usize + done).wrapping_sub(start);
                 let upper = (run.upper as usize + done).wrapping_sub(start);
                 if run.owned == [true; 2] && offset <= LANES {
-                    add_both(force, lower, offset, chunk, &mut forces);
+                    add_both(force, lower, offset, chunk, forces);
                 } else {
                     if run.owned[0] {
-                        add(force, lower, chunk, &forces);
+                        add(force, lower, chunk, forces);
                     }
                     if run.owned[1] {
-                        subtract(force, upper, chunk, &forces);
+                        subtract(force, upper, chunk, forces);
                     }
                 }
                 done += chunk;
@@ -73,7 +104,7 @@ fn compute<const TENSION_ONLY: bool, const IS_UNIFORM: bool>(
     run: &Run,
     (done, chunk): (usize, usize),
     motion: &Motion,
-    Forces([x, y, z]): &mut Forces,
+    [x, y, z]: &mut Chunk,
 ) {
     let lower = run.lower as usize + done - motion.first;
     let upper = run.upper as usize + done - motion.first;
@@ -168,8 +199,8 @@ fn pulls<const TENSION_ONLY: bool>(
 
 /// Adds forces to the particles from `at`.
 #[inline(always)]
-fn add(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
-    for (force, pull) in force.iter_mut().zip(&forces.0) {
+fn add(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Chunk) {
+    for (force, pull) in force.iter_mut().zip(forces) {
         for (force, pull) in force[at..at + count].iter_mut().zip(&pull[LANES..LANES + count]) {
             *force += pull;
         }
@@ -178,8 +209,8 @@ fn add(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
 
 /// Subtracts forces from the particles from `at`.
 #[inline(always)]
-fn subtract(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Forces) {
-    for (force, pull) in force.iter_mut().zip(&forces.0) {
+fn subtract(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Chunk) {
+    for (force, pull) in force.iter_mut().zip(forces) {
         for (force, pull) in force[at..at + count].iter_mut().zip(&pull[LANES..LANES + count]) {
             *force -= pull;
         }
@@ -189,9 +220,9 @@ fn subtract(force: &mut [&mut [f32]; 3], at: usize, count: usize, forces: &Force
 /// Adds forces to the particles from `at` and subtracts them from those `offset` further, in one: what
 /// is stored is not loaded again at once.
 #[inline(always)]
-fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize, forces: &mut Forces) {
+fn add_both(force: &mut [&mut [f32]; 3], at: usize, offset: usize, count: usize, forces: &mut Chunk) {
     let end = LANES + count;
-    for (force, pull) in force.iter_mut().zip(&mut forces.0) {
+    for (force, pull) in force.iter_mut().zip(forces) {
         // Those before the chunk are zero always.
         if let Some(beyond) = pull[end..].first_chunk_mut() {
             *beyond = [0.0; LANES];
