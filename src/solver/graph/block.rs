@@ -301,8 +301,7 @@ impl Block {
             (&self.stiffness[run.start as usize..], &self.damping[run.start as usize..]);
         let first = [stiffness[0], damping[0]];
         let is_uniform = |numbers: &[f32], first: f32| numbers.iter().all(|number| *number == first);
-        run.material =
-            (is_uniform(stiffness, first[0]) && is_uniform(damping, first[1])).then_some(first);
+        run.material = (is_uniform(stiffness, first[0]) && is_uniform(damping, first[1])).then_some(first);
     }
 
     /// Appends a place to the last run, and the parameters of what is computed there.

@@ -239,7 +239,12 @@ impl Blocks {
             let blocks = [find(lower), find(upper)];
             let mut add = |block: Option<usize>, slot, owned| {
                 let Some(block) = block else { return };
-                entries[block].push(Entry::new(layout.tile_of(slot), owned, [lower, offset], (number, spring)));
+                entries[block].push(Entry::new(
+                    layout.tile_of(slot),
+                    owned,
+                    [lower, offset],
+                    (number, spring),
+                ));
             };
             if blocks[0] == blocks[1] {
                 add(blocks[0], lower, [true; 2]);

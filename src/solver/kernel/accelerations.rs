@@ -4,6 +4,7 @@ use bevy::math::Vec3;
 
 use super::bends::AddBends;
 use super::springs::{AddSprings, SpringForces};
+use super::workspace::Workspace;
 use super::{Motion, in_vectors, run};
 use crate::solver::elements::{Element, for_each_kind};
 use crate::solver::field::Field;
@@ -39,7 +40,7 @@ pub(super) fn block_accelerations(
 ) {
     let start = block.slots.start;
     begin_forces(start, motion, field, acceleration);
-    add_elements(block, motion, field, acceleration, &mut SpringForces::new());
+    add_elements(block, motion, field, acceleration);
     let count = acceleration[0].len();
     // The same in the arrays of the motion.
     let range = start - motion.first..start - motion.first + count;
@@ -107,13 +108,7 @@ pub(super) fn begin_forces(start: usize, motion: &Motion, field: &Field, force: 
 
 /// Adds the forces of gases and of all elements to the particles of a block.
 #[inline(always)]
-pub(super) fn add_elements(
-    block: &Block,
-    motion: &Motion,
-    field: &Field,
-    force: &mut [&mut [f32]; 3],
-    forces: &mut SpringForces,
-) {
+pub(super) fn add_elements(block: &Block, motion: &Motion, field: &Field, force: &mut [&mut [f32]; 3]) {
     let [x, y, z] = force;
     let mut force = [&mut **x, &mut **y, &mut **z];
     let inverse_mass = &motion.inverse_mass[block.slots.start - motion.first..][..force[0].len()];
@@ -127,13 +122,15 @@ pub(super) fn add_elements(
             force.iter_mut().zip(&gas[slots.clone()]).for_each(|(force, gas)| *force += gas);
         }
     }
-    if !block.runs.is_empty() {
-        run(AddSprings { block, motion, force: &mut force, forces });
-    }
-    if AddBends::is_needed(block) {
-        run(AddBends { block, motion, force: &mut force });
-    }
-    add_all_loose(block, motion, &mut force, forces);
+    Workspace::with(|Workspace { springs, bends }| {
+        if !block.runs.is_empty() {
+            run(AddSprings { block, motion, force: &mut force, forces: springs });
+        }
+        if AddBends::is_needed(block) {
+            run(AddBends { block, motion, force: &mut force, buffers: bends });
+        }
+        add_all_loose(block, motion, &mut force, springs);
+    });
 }
 
 /// Adds the forces of loose elements one by one. Their ends are anywhere: to gather eight of them takes longer than to

@@ -14,12 +14,21 @@ const CHUNK: usize = 512;
 /// A vector for each bend of a chunk, from index `LANES`.
 type Chunk = [[f32; LANES + CHUNK + LANES + LANES]; 3];
 
-/// Working memory.
-struct Buffers {
+/// Working memory of the forces of bends.
+pub(super) struct BendBuffers {
     /// Separations, then pulls, with zeros on both sides.
     pulls: Chunk,
     /// Rates of the separations.
     rates: Chunk,
+    parallelograms: parallelograms::Buffers,
+}
+
+impl BendBuffers {
+    pub const EMPTY: Self = Self {
+        pulls: [[0.0; LANES + CHUNK + LANES + LANES]; 3],
+        rates: [[0.0; LANES + CHUNK + LANES + LANES]; 3],
+        parallelograms: parallelograms::EMPTY,
+    };
 }
 
 /// Adds the forces of all bends in runs. Work of its own, as the compiler would else copy it into each that evaluates
@@ -28,6 +37,7 @@ pub(super) struct AddBends<'a, 'b> {
     pub block: &'a Block,
     pub motion: &'a Motion<'a>,
     pub force: &'a mut [&'b mut [f32]; 3],
+    pub buffers: &'a mut BendBuffers,
 }
 
 macro_rules! define_add_bends {
@@ -46,8 +56,8 @@ macro_rules! define_add_bends {
 
             #[inline(always)]
             fn with_simd<S: pulp::Simd>(self, _: S) {
-                let Self { block, motion, force } = self;
-                $($(#[$meta])* add_bends(&block.bends.$kind, motion, force, block.slots.start);)*
+                let Self { block, motion, force, buffers } = self;
+                $($(#[$meta])* add_bends(&block.bends.$kind, motion, force, block.slots.start, buffers);)*
             }
         }
     };
@@ -55,20 +65,21 @@ macro_rules! define_add_bends {
 for_each_bend!(define_add_bends);
 
 #[inline(always)]
-fn add_bends<const N: usize>(list: &BendList<N>, motion: &Motion, force: &mut [&mut [f32]; 3], start: usize) {
-    if list.runs.is_empty() {
-        return;
-    }
-    const ZEROS: Chunk = [[0.0; LANES + CHUNK + LANES + LANES]; 3];
-    let mut buffers = Buffers { pulls: ZEROS, rates: ZEROS };
+fn add_bends<const N: usize>(
+    list: &BendList<N>,
+    motion: &Motion,
+    force: &mut [&mut [f32]; 3],
+    start: usize,
+    buffers: &mut BendBuffers,
+) {
     let mut runs = &list.runs[..];
     while let Some(run) = runs.first() {
-        let together = parallelograms::add(runs, motion, force, start);
+        let together = parallelograms::add(runs, motion, force, start, &mut buffers.parallelograms);
         if together > 0 {
             runs = &runs[together..];
             continue;
         }
-        add_run(list, run, motion, &mut buffers, (force, start));
+        add_run(list, run, motion, buffers, (force, start));
         runs = &runs[1..];
     }
 }
@@ -79,7 +90,7 @@ fn add_run<const N: usize>(
     list: &BendList<N>,
     run: &BendRun<N>,
     motion: &Motion,
-    buffers: &mut Buffers,
+    buffers: &mut BendBuffers,
     (force, start): (&mut [&mut [f32]; 3], usize),
 ) {
     let count = run.count as usize;
@@ -112,7 +123,7 @@ fn compute<const CURVED: bool, const DAMPED: bool, const N: usize>(
     run: &BendRun<N>,
     (done, chunk): (usize, usize),
     motion: &Motion,
-    Buffers { pulls, rates }: &mut Buffers,
+    BendBuffers { pulls, rates, .. }: &mut BendBuffers,
 ) {
     if let (false, false, Some([stiffness, _])) = (CURVED, DAMPED, run.material) {
         return combine(list, run, (done, chunk), (motion.first, motion.position), pulls, |separation| {

@@ -18,6 +18,11 @@ use crate::solver::graph::{BendRun, Parallelograms};
 /// hundred instructions with which each window starts are a noticeable part.
 const PLACES: usize = 2048;
 
+/// Working memory: the pulls of each run.
+pub(super) type Buffers = [[f32; PLACES]; 3];
+
+pub(super) const EMPTY: Buffers = [[0.0; PLACES]; 3];
+
 /// Numbers computed together.
 type Lanes = [f32; LANES];
 
@@ -29,6 +34,7 @@ pub(super) fn add<const N: usize>(
     motion: &Motion,
     force: &mut [&mut [f32]; 3],
     start: usize,
+    [one, two, three]: &mut Buffers,
 ) -> usize {
     let run = |number: usize| {
         let run = runs.get(number)?.parallelograms()?;
@@ -37,14 +43,14 @@ pub(super) fn add<const N: usize>(
     let Some(first) = run(0) else { return 0 };
     let next = |number: usize| run(number).filter(|run| run.overlap(&first));
     let Some(second) = next(1) else {
-        add_together([first], motion, force, start);
+        add_together([first], motion, force, start, [one]);
         return 1;
     };
     let Some(third) = next(2) else {
-        add_together([first, second], motion, force, start);
+        add_together([first, second], motion, force, start, [one, two]);
         return 2;
     };
-    add_together([first, second, third], motion, force, start);
+    add_together([first, second, third], motion, force, start, [one, two, three]);
     3
 }
 
@@ -54,8 +60,8 @@ fn add_together<const RUNS: usize>(
     motion: &Motion,
     force: &mut [&mut [f32]; 3],
     start: usize,
+    mut buffers: [&mut [f32; PLACES]; RUNS],
 ) {
-    let mut buffers = [[0.0; PLACES]; RUNS];
     let (mut lowest, mut end, mut span) = (usize::MAX, 0, 0);
     for run in &runs {
         lowest = lowest.min(run.lowest);

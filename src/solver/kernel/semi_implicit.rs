@@ -2,7 +2,6 @@
 
 use super::accelerations::{add_elements, begin_forces, block_accelerations};
 use super::closed::{Closed, Next, Substeps};
-use super::springs::SpringForces;
 use super::{Accelerate, in_vectors};
 
 /// A substep of semi-implicit Euler: the new state of the particles of one block.
@@ -66,10 +65,9 @@ impl pulp::WithSimd for &mut AdvanceInPlace<'_> {
             return self.kick_and_drift();
         }
         begin_forces(block.slots.start, &closed.motion(), field, acceleration);
-        let mut forces = SpringForces::new();
         let Substeps { count, duration, .. } = closed.substeps;
         for substep in 1..=count {
-            add_elements(block, &closed.motion(), field, acceleration, &mut forces);
+            add_elements(block, &closed.motion(), field, acceleration);
             let next = if substep == count { Next::Acceleration } else { closed.next() };
             for part in in_vectors(block.slots.start, acceleration[0].len()) {
                 for (axis, force) in acceleration.iter_mut().enumerate() {
@@ -157,9 +155,10 @@ mod tests {
         let blocks = Blocks::of(elements, &particles);
         let runs: Vec<(u32, usize)> =
             blocks.blocks[0].runs.iter().map(|run| (run.count, run.holes.len())).collect();
-        // 19 + 2 + 8 + 2 + 19 springs and places without; 6 with the rope of three links, which has no run; 69, then 2 + 19 twice and
-        // 2 + 69; with 2 + 19 it would be too many. What is longer than a chunk is not joined.
-        assert_eq!(runs, [(50 + 6 + 69 + 42 + 71, 6), (19, 0), (89, 0)]);
+        // The first link of each rope is anchored: a place of its own at the start, or a hole. 1 + 19 + 2 + 8 + 2 + 19 places; 6 with the
+        // rope of three links, which has no run; 69, then 2 + 19 twice and 2 + 69; with 2 + 19 it would be too many. What is longer
+        // than a chunk has no holes.
+        assert_eq!(runs, [(1 + 50 + 6 + 69 + 42 + 71, 7), (1 + 19, 1), (89, 0)]);
         let together = accelerations(&particles, &blocks);
         let mut first = 0;
         for (rope, &length) in LENGTHS.iter().enumerate() {

@@ -22,13 +22,8 @@ pub(super) struct SpringForces {
 type Chunk = [[f32; LANES + MAX_JOINED + LANES + LANES]; 3];
 
 impl SpringForces {
-    #[inline(always)]
-    pub fn new() -> Self {
-        Self {
-            chunk: [[0.0; LANES + MAX_JOINED + LANES + LANES]; 3],
-            anchored: [Vec3::ZERO; MAX_ANCHORED],
-        }
-    }
+    pub const EMPTY: Self =
+        Self { chunk: [[0.0; LANES + MAX_JOINED + LANES + LANES]; 3], anchored: [Vec3::ZERO; MAX_ANCHORED] };
 
     /// The pull of an anchored spring that was computed in a run.
     #[inline(always)]

@@ -2,7 +2,6 @@
 
 use super::accelerations::{add_elements, begin_forces, block_accelerations};
 use super::closed::{Closed, Lane, Next, Substeps};
-use super::springs::SpringForces;
 use super::{Accelerate, in_vectors};
 
 /// Moves the particles of one block by their accelerations a: x' = x + h v + h²/2 a, v' = v + h a.
@@ -85,9 +84,8 @@ impl pulp::WithSimd for &mut VerletInPlace<'_> {
         let Closed { block, field, .. } = self.closed;
         let count = self.closed.substeps.count;
         begin_forces(block.slots.start, &self.closed.motion(), field, &mut self.force);
-        let mut forces = SpringForces::new();
         for substep in 0..=count {
-            add_elements(block, &self.closed.motion(), field, &mut self.force, &mut forces);
+            add_elements(block, &self.closed.motion(), field, &mut self.force);
             match substep {
                 0 => self.pass::<false, true>(),
                 _ if substep < count => self.pass::<true, true>(),
