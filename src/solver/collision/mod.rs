@@ -82,6 +82,7 @@ pub(super) use presence::Presence;
 pub(super) use reach::Scene;
 pub use record::{ContactPartner, ContactRecord};
 use response::Rebound;
+pub(super) use shapes::Vicinity;
 pub(crate) use shapes::{Crossing, Nearest, PlacedShape, Simplex};
 pub use shapes::{MeshError, MeshKind, Shape};
 pub(super) use stiff_pairs::{StiffPair, StiffPairs};

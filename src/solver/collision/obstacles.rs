@@ -5,7 +5,7 @@ use bevy::math::DVec3;
 use super::collider::{Collider, Placed, SubstepMotion};
 use super::features::Feature;
 use super::material::{ContactProperties, properties_of};
-use super::shapes::{Bounds, CornerPaths, Placement, Shape};
+use super::shapes::{Bounds, CornerPaths, Mesh, Nearest, Placement, Shape, Vicinity};
 use super::stiff_pairs::touch;
 use super::{ContactMemory, ContactPartner};
 use crate::solver::particles::Particles;
@@ -58,6 +58,28 @@ enum Form {
 impl Obstacle {
     /// The distance in m of a sphere from its surface, negative if they overlap, and the unit vector away from it.
     pub fn gap(&self, position: DVec3, radius: f64) -> (f64, DVec3) {
+        self.gap_by(position, radius, |_, _| None)
+    }
+
+    /// The same, from what is known of a mesh near by.
+    pub fn gap_known(&self, position: DVec3, radius: f64, vicinity: &Vicinity) -> (f64, DVec3) {
+        self.gap_by(position, radius, |mesh, place| vicinity.known(mesh, place))
+    }
+
+    /// The same; what is known then reaches about `margin` m further.
+    pub fn gap_near(&self, position: DVec3, radius: f64, near: (&mut Vicinity, f64)) -> (f64, DVec3) {
+        let (vicinity, margin) = near;
+        self.gap_by(position, radius, |mesh, place| vicinity.nearest(mesh, place, f64::INFINITY, || margin))
+    }
+
+    /// The same, where `look_up` may find the nearest point of a mesh, seen from a side.
+    #[inline]
+    fn gap_by(
+        &self,
+        position: DVec3,
+        radius: f64,
+        look_up: impl FnOnce(&Mesh, (DVec3, f64)) -> Option<Nearest>,
+    ) -> (f64, DVec3) {
         match &self.form {
             Form::HalfSpace { point, normal } => ((position - point).dot(*normal) - radius, *normal),
             Form::Sphere { centre, radius: own, .. } => {
@@ -67,7 +89,9 @@ impl Obstacle {
                 (distance - own - radius, normal)
             }
             Form::Solid { shape, to, side, .. } => {
-                let nearest = shape.nearest(to.to_local(position), *side);
+                let place = (to.to_local(position), *side);
+                let known = shape.as_mesh().and_then(|mesh| look_up(mesh, place));
+                let nearest = known.unwrap_or_else(|| shape.nearest(place.0, *side));
                 (nearest.distance - radius, to.direction(shape, nearest.normal))
             }
         }

@@ -249,7 +249,7 @@ impl Part {
             let before = motion.from.to_local(search.previous.get(slot).as_dvec3());
             0.1 * radius + 8.0 * local.distance(before)
         };
-        self.vicinities[slot - self.start].nearest(mesh, local, within, margin)
+        self.vicinities[slot - self.start].nearest(mesh, (local, 0.0), within, margin)
     }
 }
 

@@ -5,6 +5,7 @@
 //! computed among the loose ones, so that the results have the same bits.
 
 use super::block::{Block, Entry, NO_SPRING, Run};
+use super::blocks::Blocks;
 use crate::solver::elements::{Spring, Table};
 
 /// The number of pulls that are kept for a block, at most: the springs beyond are computed one by one.
@@ -90,5 +91,34 @@ impl Block {
             self.push_hole(&run, lower, anchored);
         }
         self.runs.push(run);
+    }
+}
+
+impl Blocks {
+    /// The anchored springs of which a block owns both ends, by block.
+    pub(super) fn anchored_entries(&self, springs: &Table<Spring, 2>) -> Vec<Vec<Entry>> {
+        let mut entries = vec![Vec::new(); self.blocks.len()];
+        for index in (0..springs.sorted()).filter(|index| springs.is_anchored(*index)) {
+            let ends = springs.all_ends()[index];
+            let [lower, upper] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+            if let Some(block) = self.block_of(lower).filter(|block| self.block_of(upper) == Some(*block)) {
+                let spring = (index, &springs.elements()[index]);
+                entries[block].push(Entry::new(0, [true; 2], [lower, upper - lower], spring));
+            }
+        }
+        entries
+    }
+
+    /// Tells the loose springs that are computed in runs.
+    pub(super) fn link_anchored(&mut self) {
+        for (number, block) in self.blocks.iter_mut().enumerate() {
+            for (computed, anchored) in (0..).zip(&block.anchored) {
+                let places = self.places[anchored.spring as usize].iter().flatten();
+                for place in places.filter(|place| place.block as usize == number) {
+                    let loose = place.index as usize - block.rest_length.len();
+                    block.loose.springs[loose].computed = Some(computed);
+                }
+            }
+        }
     }
 }

@@ -30,7 +30,7 @@ pub(in crate::solver) struct Blocks {
     /// The blocks, in the order of their slots. Particles that the planner has excluded are in none.
     pub blocks: Vec<Block>,
     /// Where the parameters of each spring are; in the second place only for a spring between two blocks.
-    places: Vec<[Option<Place>; 2]>,
+    pub(super) places: Vec<[Option<Place>; 2]>,
     pub(super) bend_places: BendPlaces,
     pub(super) loose_places: LoosePlaces,
     /// Whether each block owns all ends of its elements.
@@ -185,33 +185,6 @@ impl Blocks {
         self.loose_places = LoosePlaces::default();
         self.list_loose(elements);
         self.are_closed = self.blocks.iter().all(Block::is_closed);
-    }
-
-    /// The anchored springs of which a block owns both ends, by block.
-    fn anchored_entries(&self, springs: &Table<Spring, 2>) -> Vec<Vec<Entry>> {
-        let mut entries = vec![Vec::new(); self.blocks.len()];
-        for index in (0..springs.sorted()).filter(|index| springs.is_anchored(*index)) {
-            let ends = springs.all_ends()[index];
-            let [lower, upper] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-            if let Some(block) = self.block_of(lower).filter(|block| self.block_of(upper) == Some(*block)) {
-                let spring = (index, &springs.elements()[index]);
-                entries[block].push(Entry::new(0, [true; 2], [lower, upper - lower], spring));
-            }
-        }
-        entries
-    }
-
-    /// Tells the loose springs that are computed in runs.
-    fn link_anchored(&mut self) {
-        for (number, block) in self.blocks.iter_mut().enumerate() {
-            for (computed, anchored) in (0..).zip(&block.anchored) {
-                let places = self.places[anchored.spring as usize].iter().flatten();
-                for place in places.filter(|place| place.block as usize == number) {
-                    let loose = place.index as usize - block.rest_length.len();
-                    block.loose.springs[loose].computed = Some(computed);
-                }
-            }
-        }
     }
 
     /// The springs of each block that may be in runs, sorted.

@@ -24,11 +24,10 @@ pub(super) struct BendBuffers {
 }
 
 impl BendBuffers {
-    pub const EMPTY: Self = Self {
-        pulls: [[0.0; LANES + CHUNK + LANES + LANES]; 3],
-        rates: [[0.0; LANES + CHUNK + LANES + LANES]; 3],
-        parallelograms: parallelograms::EMPTY,
-    };
+    pub fn new() -> Self {
+        let zeros = [[0.0; LANES + CHUNK + LANES + LANES]; 3];
+        Self { pulls: zeros, rates: zeros, parallelograms: parallelograms::buffers() }
+    }
 }
 
 /// Adds the forces of all bends in runs. Work of its own, as the compiler would else copy it into each that evaluates

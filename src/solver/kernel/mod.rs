@@ -269,7 +269,7 @@ mod tests {
         for (forces, is_portable) in forces.iter_mut().zip([true, false]) {
             forces.resize(particles.len());
             for (block, mut force) in blocks.blocks.iter().zip(blocks.split(forces.axes_mut())) {
-                let (mut pulls, mut buffers) = (springs::SpringForces::EMPTY, bends::BendBuffers::EMPTY);
+                let (mut pulls, mut buffers) = (springs::SpringForces::new(), bends::BendBuffers::new());
                 let work =
                     springs::AddSprings { block, motion: &motion, force: &mut force, forces: &mut pulls };
                 if is_portable {

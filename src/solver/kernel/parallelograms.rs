@@ -21,7 +21,10 @@ const PLACES: usize = 2048;
 /// Working memory: the pulls of each run.
 pub(super) type Buffers = [[f32; PLACES]; 3];
 
-pub(super) const EMPTY: Buffers = [[0.0; PLACES]; 3];
+/// Empty ones.
+pub(super) fn buffers() -> Buffers {
+    [[0.0; PLACES]; 3]
+}
 
 /// Numbers computed together.
 type Lanes = [f32; LANES];

@@ -22,8 +22,10 @@ pub(super) struct SpringForces {
 type Chunk = [[f32; LANES + MAX_JOINED + LANES + LANES]; 3];
 
 impl SpringForces {
-    pub const EMPTY: Self =
-        Self { chunk: [[0.0; LANES + MAX_JOINED + LANES + LANES]; 3], anchored: [Vec3::ZERO; MAX_ANCHORED] };
+    pub fn new() -> Self {
+        let chunk = [[0.0; LANES + MAX_JOINED + LANES + LANES]; 3];
+        Self { chunk, anchored: [Vec3::ZERO; MAX_ANCHORED] }
+    }
 
     /// The pull of an anchored spring that was computed in a run.
     #[inline(always)]

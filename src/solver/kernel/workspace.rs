@@ -13,7 +13,7 @@ pub(super) struct Workspace {
 
 thread_local! {
     static WORKSPACE: RefCell<Box<Workspace>> =
-        RefCell::new(Box::new(Workspace { springs: SpringForces::EMPTY, bends: BendBuffers::EMPTY }));
+        RefCell::new(Box::new(Workspace { springs: SpringForces::new(), bends: BendBuffers::new() }));
 }
 
 impl Workspace {

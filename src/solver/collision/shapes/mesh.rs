@@ -134,9 +134,8 @@ impl Mesh {
         self.nearest_at(point, side, best)
     }
 
-    /// The nearest point of these triangles, as if there were no others; from that side of a sheet on which the point is.
-    /// Each is at least as far away as is said, and none is meant to be nearer than one before it.
-    pub fn nearest_of(&self, point: DVec3, items: impl Iterator<Item = (u32, f64)>) -> Nearest {
+    /// The nearest point of these triangles, as if there were no others; `side` as for [`nearest`](Self::nearest). Each is at least as far away as is said, and none is meant to be nearer than one before it.
+    pub fn nearest_of(&self, point: DVec3, side: f64, items: impl Iterator<Item = (u32, f64)>) -> Nearest {
         let mut best = Best::NONE;
         for (item, least) in items {
             if least > 0.0 && least * least > best.square {
@@ -144,7 +143,7 @@ impl Mesh {
             }
             best.try_triangle(point, self.corners[item as usize], item);
         }
-        self.nearest_at(point, 0.0, best)
+        self.nearest_at(point, side, best)
     }
 
     /// Calls `visit` with the number of each triangle that is at most `reach` m away, and how far it is, m; in no order.

@@ -29,12 +29,12 @@ use super::plane::Pose;
 pub(in crate::solver::collision) use arrival::{Arrival, CornerPaths};
 pub(in crate::solver) use feature::Deepest;
 pub(in crate::solver) use fingerprint::Fingerprint;
-use mesh::Mesh;
+pub(in crate::solver::collision) use mesh::Mesh;
 pub use mesh::{MeshError, MeshKind};
 pub(crate) use placed::PlacedShape;
 pub(crate) use simplex::Simplex;
 pub(in crate::solver) use tree::{Bounds, MovingTree};
-pub(in crate::solver::collision) use vicinity::Vicinity;
+pub(in crate::solver) use vicinity::Vicinity;
 
 /// The nearest point of the surface of a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -18,7 +18,7 @@ const MIN_MARGIN: f64 = 1e-4;
 /// What is known of a mesh from one place in its axes: all its triangles but the first `count` of `listed` are farther away
 /// than `clearance`, m, and those are in the order of their distances.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::solver::collision) struct Vicinity {
+pub(in crate::solver) struct Vicinity {
     mesh: Version,
     place: Vec3,
     clearance: f32,
@@ -34,32 +34,25 @@ struct Listed {
 }
 
 impl Vicinity {
-    /// The nearest point of the surface if it is at most `within` m away, or the point is inside. A list is made with
-    /// `margin` m, which is to be several times the displacement between two calls.
+    /// The nearest point of the surface if it is at most `within` m away, or the point is inside; `side` as for [`Mesh::nearest`]. A
+    /// list is made with `margin` m, which is to be several times the displacement between two calls.
     pub fn nearest(
         &mut self,
         mesh: &Mesh,
-        point: DVec3,
+        (point, side): (DVec3, f64),
         within: f64,
         margin: impl FnOnce() -> f64,
     ) -> Option<Nearest> {
         let near = |nearest: Nearest| (nearest.distance <= within).then_some(nearest);
-        if self.mesh == mesh.version {
-            let moved = point.distance(self.place.as_dvec3()) * (1.0 + 1e-6);
-            let clearance = f64::from(self.clearance) - moved;
+        if let Some(clearance) = self.clearance_at(mesh, point) {
             if self.count == 0 && clearance > within {
                 return None;
             }
-            if self.count > 0 {
-                let listed = self.listed[..self.count as usize].iter();
-                let bounded = listed.map(|listed| (listed.triangle, f64::from(listed.distance) - moved));
-                let found = mesh.nearest_of(point, bounded);
-                if found.distance.abs() < clearance {
-                    return near(found);
-                }
+            if let Some(found) = self.known(mesh, (point, side)) {
+                return near(found);
             }
         }
-        let found = mesh.nearest(point, 0.0);
+        let found = mesh.nearest(point, side);
         let margin = margin().max(MIN_MARGIN * mesh.size());
         if found.distance.abs() <= within + margin {
             self.list(mesh, point, found.distance.abs() + margin);
@@ -67,6 +60,22 @@ impl Vicinity {
             *self = Self { count: 0, ..Self::new(mesh, point, found.distance) };
         }
         near(found)
+    }
+
+    /// The nearest point of the surface, if it is on one of the listed triangles.
+    pub fn known(&self, mesh: &Mesh, (point, side): (DVec3, f64)) -> Option<Nearest> {
+        let clearance = self.clearance_at(mesh, point).filter(|_| self.count > 0)?;
+        let moved = f64::from(self.clearance) - clearance;
+        let listed = self.listed[..self.count as usize].iter();
+        let bounded = listed.map(|listed| (listed.triangle, f64::from(listed.distance) - moved));
+        let found = mesh.nearest_of(point, side, bounded);
+        (found.distance.abs() < clearance).then_some(found)
+    }
+
+    /// How far triangles that are not listed are from a point, at least, m.
+    fn clearance_at(&self, mesh: &Mesh, point: DVec3) -> Option<f64> {
+        let moved = point.distance(self.place.as_dvec3()) * (1.0 + 1e-6);
+        (self.mesh == mesh.version).then(|| f64::from(self.clearance) - moved)
     }
 
     fn new(mesh: &Mesh, point: DVec3, clearance: f64) -> Self {
@@ -125,7 +134,7 @@ mod tests {
                 f64::from(turn(1.3)) * 3.4,
             );
             let before = vicinity.place;
-            let found = vicinity.nearest(&mesh, point, 0.1, || 0.05);
+            let found = vicinity.nearest(&mesh, (point, 0.0), 0.1, || 0.05);
             let expected = mesh.nearest(point, 0.0);
             assert_eq!(found, (expected.distance <= 0.1).then_some(expected), "step {step}");
             reused += u32::from(vicinity.place == before);

@@ -6,7 +6,7 @@ use super::block::Symmetric;
 use super::follow::Followed;
 use super::friction::{FrictionHistory, FrictionState, Slip};
 use super::system::Compound;
-use crate::solver::collision::{ContactEnds, Obstacle};
+use crate::solver::collision::{ContactEnds, Obstacle, Vicinity};
 use crate::solver::elements::MAX_ENDS;
 use crate::solver::graph::{Elimination, Linked};
 
@@ -16,6 +16,9 @@ const SURFACE_STIFFENING: f64 = 100.0;
 /// Fraction of the allowed penetration above which a surface contact is stiffened: the springs of a stiff net, or a heavy net, push a light
 /// one through softer contacts.
 const DEEP_PART: f64 = 0.5;
+
+/// How far around a point triangles of a mesh are listed, as a part of the radius.
+const NEAR_PART: f64 = 0.1;
 
 /// Factor of that stiffening.
 const HARDENING: f64 = 30.0;
@@ -69,6 +72,8 @@ pub(super) struct Contact {
     pub hardness: f64,
     /// Of an edge or a face: how the contact point follows the iterates.
     pub followed: Option<Followed>,
+    /// The triangles of a mesh that are near. It changes no result.
+    pub vicinity: Vicinity,
 }
 
 /// What a particle touches.
@@ -148,6 +153,7 @@ impl Contact {
             max_depth: f64::INFINITY,
             hardness: 1.0,
             followed: None,
+            vicinity: Vicinity::default(),
         }
     }
 
@@ -216,7 +222,9 @@ impl Contact {
     /// The gap at these positions, m, and the direction towards the particle.
     pub fn gap(&self, position: &[DVec3]) -> (f64, DVec3) {
         match &self.partner {
-            Partner::Obstacle(obstacle) => obstacle.gap(self.point(position), self.radius),
+            Partner::Obstacle(obstacle) => {
+                obstacle.gap_known(self.point(position), self.radius, &self.vicinity)
+            }
             Partner::Node { node, normal, reach } => {
                 ((position[self.node] - position[*node]).dot(*normal) - reach, *normal)
             }
@@ -250,7 +258,13 @@ impl Contact {
 
     /// Finds the normal force at these positions; the normal.
     pub fn press(&mut self, position: &[DVec3], stiffness: f64) -> DVec3 {
-        let (gap, normal) = self.gap(position);
+        let point = self.point(position);
+        let (gap, normal) = match &self.partner {
+            Partner::Obstacle(obstacle) => {
+                obstacle.gap_near(point, self.radius, (&mut self.vicinity, NEAR_PART * self.radius))
+            }
+            _ => self.gap(position),
+        };
         self.depth = self.allowed - gap;
         self.normal = normal;
         self.force = (self.multiplier + self.stiffness(stiffness) * self.depth).max(0.0);

@@ -34,6 +34,9 @@ const NEGLIGIBLE: f64 = 1e-4;
 /// 877, 1976). What lies along a line of the surface is as deep everywhere: its point does not go from end to end for a turn by less.
 const INERTIA: f64 = 0.01;
 
+/// How far around a point triangles of a mesh are listed, as a part of an edge.
+const NEAR: f64 = 0.02;
+
 /// What is known of a feature with a contact point that follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Followed {
@@ -64,9 +67,11 @@ impl Contact {
         let is_edge = self.count == 1;
         let edges = [corner(0) - first, if is_edge { DVec3::ZERO } else { corner(1) - first }];
         let thickening = [radii[1] - radii[0], if is_edge { 0.0 } else { radii[2] - radii[0] }];
-        let look = |Place(at): Place| {
+        let (vicinity, margin) = (&mut self.vicinity, NEAR * edges[0].length());
+        let mut look = |Place(at): Place| {
             let point = first + edges[0] * at.x + edges[1] * at.y;
-            obstacle.gap(point, radii[0] + thickening[0] * at.x + thickening[1] * at.y)
+            let radius = radii[0] + thickening[0] * at.x + thickening[1] * at.y;
+            obstacle.gap_near(point, radius, (vicinity, margin))
         };
         let slopes = |normal: DVec3| {
             DVec2::new(normal.dot(edges[0]) - thickening[0], normal.dot(edges[1]) - thickening[1])
@@ -82,7 +87,7 @@ impl Contact {
             if least > self.allowed && self.multiplier == 0.0 {
                 break;
             }
-            let probe = |along: DVec2| (slopes(look(Place(at + PROBE * along)).1) - slope) / PROBE;
+            let mut probe = |along: DVec2| (slopes(look(Place(at + PROBE * along)).1) - slope) / PROBE;
             let along_first = probe(DVec2::X) + DVec2::X * (INERTIA * edges[0].length());
             let curvature = match is_edge {
                 true => [along_first, DVec2::Y],
