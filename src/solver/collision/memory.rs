@@ -94,10 +94,21 @@ impl ContactMemory {
     /// Has the next tick search for pairs if other particles are spheres than in the last search: those of a radius, m, that
     /// are not `covered`.
     pub(super) fn check_spheres(&mut self, radius: &[f32], covered: &[bool]) {
-        let is_sphere = |slot: usize| radius[slot] > 0.0 && covered.get(slot) != Some(&true);
-        let has_changed =
-            |(slot, searched): (usize, &bool)| slot >= radius.len() || is_sphere(slot) != *searched;
-        if self.broad_phase.is_some() && self.searched.iter().enumerate().any(has_changed) {
+        if self.broad_phase.is_none() {
+            return;
+        }
+        let searched = &self.searched;
+        let has_changed = if searched.len() > radius.len() {
+            true
+        } else if covered.is_empty() {
+            // Without a way out: of this the compiler makes vectors.
+            let spheres = searched.iter().zip(radius);
+            spheres.fold(false, |any, (searched, radius)| any | ((*radius > 0.0) != *searched))
+        } else {
+            let is_sphere = |slot: usize| radius[slot] > 0.0 && covered.get(slot) != Some(&true);
+            searched.iter().enumerate().any(|(slot, searched)| is_sphere(slot) != *searched)
+        };
+        if has_changed {
             self.request_search();
         }
     }

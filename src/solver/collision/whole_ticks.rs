@@ -267,9 +267,13 @@ impl ContactCaches {
     fn look_ahead(&mut self, particles: &Particles, time_step: f32) {
         // No substep has begun: this is not in use.
         self.has_previous = false;
-        self.previous.copy_from(&particles.position);
-        for (ahead, velocity) in self.previous.axes_mut().into_iter().zip(particles.velocity.axes()) {
-            ahead.iter_mut().zip(velocity).for_each(|(ahead, velocity)| *ahead += time_step * velocity);
+        self.previous.resize(particles.len());
+        let axes = particles.position.axes().into_iter().zip(particles.velocity.axes());
+        for (ahead, (position, velocity)) in self.previous.axes_mut().into_iter().zip(axes) {
+            let from = position.iter().zip(velocity);
+            ahead.iter_mut().zip(from).for_each(|(ahead, (position, velocity))| {
+                *ahead = position + time_step * velocity;
+            });
         }
     }
 
