@@ -7,8 +7,9 @@
 //! A group falls asleep when each particle of it, for the whole delay T,
 //! - stayed within d = [`MAX_DISPLACEMENT_RATIO`] · speed · T of where it was when the delay began, at the end of each tick; one that nothing but
 //!   contacts holds within [`CONTACT_DISPLACEMENT_PART`] of its radius, if that is more;
-//! - was never faster than [`MAX_SPEED_RATIO`] · speed, so that what vibrates within d is no rest; of what touches something that is the
-//!   mean over a tick, as contacts leave velocities of the order of g h at its end;
+//! - was never faster than [`MAX_SPEED_RATIO`] · speed, so that what vibrates within d is no rest; of a part of which anything touches
+//!   something that is the mean over a tick, as contacts leave velocities of some g h at its end, and which of its particles touch
+//!   changes from substep to substep;
 //! - was pushed by the user with the same force;
 //! - and is not held back by dampers or drag: at its mean velocity over the delay they accelerate it by less than
 //!   2 speed / T. What creeps against them does not rest.

@@ -221,15 +221,19 @@ impl Clock<'_> {
         (MAX_SPEED_RATIO * self.sleep.speed) * (MAX_SPEED_RATIO * self.sleep.speed)
     }
 
-    /// Whether a particle is faster than what rests; true of a velocity that is not finite. Of what touches something the
-    /// velocity is that of the whole tick: at its end contacts may leave what gravity gives in a substep.
+    /// Whether a particle is faster than what rests; true of a velocity that is not finite. Of what `touches` something the
+    /// velocity is that of the whole tick: at its end contacts may leave what gravity gives in some substeps.
     #[inline]
-    fn is_fast(&self, particles: &Particles, slot: usize) -> bool {
-        let velocity = match self.touches.get(slot) {
-            Some(true) => (particles.position.get(slot) - self.start.get(slot)) / self.time_step,
-            _ => particles.velocity.get(slot),
+    fn is_fast(&self, particles: &Particles, slot: usize, touches: bool) -> bool {
+        let velocity = match touches {
+            true => (particles.position.get(slot) - self.start.get(slot)) / self.time_step,
+            false => particles.velocity.get(slot),
         };
         exceeds(velocity.length_squared(), self.speed_limit())
+    }
+
+    fn touches(&self, slot: usize) -> bool {
+        self.touches.get(slot) == Some(&true)
     }
 
     /// How far a particle may be from where it began to rest, m.
@@ -239,8 +243,7 @@ impl Clock<'_> {
 
     /// The same of one that is a part of its own.
     fn drift_of_loose(&self, particles: &Particles, slot: usize) -> f32 {
-        let touches = self.touches.get(slot) == Some(&true);
-        if touches {
+        if self.touches(slot) {
             self.drift().max(CONTACT_DISPLACEMENT_PART * particles.radius()[slot])
         } else {
             self.drift()
@@ -281,7 +284,7 @@ impl Clock<'_> {
                 continue;
             }
             let rested = memory.rested[slot];
-            if self.is_fast(particles, slot) {
+            if self.is_fast(particles, slot, self.touches(slot)) {
                 memory.rested[slot] = 0.0;
             } else if rested == 0.0
                 || Self::has_drifted(memory, particles, slot, self.drift_of_loose(particles, slot))
@@ -304,8 +307,10 @@ impl Clock<'_> {
         }
         let slots = || members.iter().map(|slot| *slot as usize);
         let rested = std::mem::replace(&mut memory.rested[first], 0.0);
+        // Particles beside those that touch move with them, and which touch changes from substep to substep.
+        let touches = slots().any(|slot| self.touches(slot));
         // The last one first: the free end of what hangs or is thrown.
-        if slots().rev().any(|slot| self.is_fast(particles, slot)) {
+        if slots().rev().any(|slot| self.is_fast(particles, slot, touches)) {
             return false;
         }
         if rested == 0.0 || slots().any(|slot| Self::has_drifted(memory, particles, slot, self.drift())) {
