@@ -79,9 +79,6 @@ fn nets_that_lie_on_solids_fall_asleep() {
     }
 }
 
-/// What wakes goes on where it is. Asleep it was kept from moving by less than the drift d = 0.2 speed · delay in the delay; so
-/// awake again it moves by less than twice that in the next one, beside the free fall of a substep that contacts take to
-/// take its weight again.
 /// At the edges of a box contacts change from substep to substep, and particles beside them have velocities of some g h.
 #[test]
 fn a_cloth_over_the_edges_of_a_box_falls_asleep_and_again_when_that_has_turned() {
@@ -116,6 +113,9 @@ fn a_cloth_over_the_edges_of_a_box_falls_asleep_and_again_when_that_has_turned()
     assert_stays(&mut solver, &settings);
 }
 
+/// What wakes goes on where it is. Asleep it was kept from moving by less than the drift d = 0.2 speed · delay in the delay; so
+/// awake again it moves by less than twice that in the next one, beside the free fall of a substep that contacts take to
+/// take its weight again.
 #[test]
 fn nothing_jumps_when_it_wakes() {
     for integrator in [Integrator::Auto, Integrator::TrBdf2, Integrator::Xpbd, Integrator::VelocityVerlet] {

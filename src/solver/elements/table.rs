@@ -182,7 +182,7 @@ impl<E: Element<N>, const N: usize> Table<E, N> {
         self.anchored.len()
     }
 
-    /// Whether an end of a sorted element was pinned when it was sorted. Such elements are taken one by one, so
+    /// Whether an end of a sorted element was pinned when it was sorted. Such elements are added one by one, so
     /// that what hangs on the two sides of a pinned particle does not depend on each other.
     pub fn is_anchored(&self, index: usize) -> bool {
         self.anchored[index]

@@ -170,7 +170,7 @@ impl Run {
         if left < CHUNK + MIN_RUN || !self.holes.is_empty() { left } else { CHUNK }
     }
 
-    /// Whether places at its ends may be holes: it is one chunk, and the block owns all ends.
+    /// Whether a hole may be added at its ends: it is one chunk, and not too long, and the block owns all ends.
     pub(super) fn may_have_holes(&self) -> bool {
         self.owned == [true; 2]
             && self.chunk_from(0) == self.count as usize

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use crate::solver::elements::Elements;
 
-/// Number of particles of a tile; no run crosses the end of one. The state of as many fits in the first-level cache.
+/// Number of particles of a tile; no run crosses the end of one, but for holes. The state of as many fits in the first-level cache.
 const TILE: usize = 1024;
 
 /// The smallest number of particles of a block, where there are as many: smaller ones list more elements twice.

@@ -7,9 +7,9 @@
 //! A group falls asleep when each particle of it, for the whole delay T,
 //! - stayed within d = [`MAX_DISPLACEMENT_RATIO`] · speed · T of where it was when the delay began, at the end of each tick; one that nothing but
 //!   contacts holds within [`CONTACT_DISPLACEMENT_PART`] of its radius, if that is more;
-//! - was never faster than [`MAX_SPEED_RATIO`] · speed, so that what vibrates within d is no rest; of a part of which anything touches
-//!   something that is the mean over a tick, as contacts leave velocities of some g h at its end, and which of its particles touch
-//!   changes from substep to substep;
+//! - was never faster than [`MAX_SPEED_RATIO`] · speed, so that what vibrates within d is no rest; of what touches something
+//!   that is the mean over a tick, as contacts leave velocities of some g h at its end. So it is of all particles of its part, as
+//!   which of them touch changes from substep to substep; those that do not are slower than [`BESIDE_RATIO`] times that at any moment;
 //! - was pushed by the user with the same force;
 //! - and is not held back by dampers or drag: at its mean velocity over the delay they accelerate it by less than
 //!   2 speed / T. What creeps against them does not rest.
@@ -42,9 +42,13 @@ pub(super) use surroundings::Surroundings;
 /// How far a resting particle may get in the delay, as a part of the displacement at the threshold speed.
 const MAX_DISPLACEMENT_RATIO: f32 = 0.2;
 
-/// How fast it may be at any moment, as a multiple of that speed: the velocity that is left in contacts of a pile is of the
+/// How fast it may be, as a multiple of that speed: the velocity that is left in contacts of a pile is of the
 /// order of what gravity gives in a substep, though its places are the same to the bit.
 const MAX_SPEED_RATIO: f32 = 10.0;
+
+/// How fast what touches nothing may be at any moment, as a multiple of that, where others of its part touch something. Beside the edges
+/// of a box twice were seen.
+const BESIDE_RATIO: f32 = 10.0;
 
 /// How far a loose particle that touches something may get in the delay, as a part of its radius, where that is more: what lies
 /// in a pile is no pendulum, and goes on settling by such displacements for long.

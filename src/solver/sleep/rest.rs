@@ -10,8 +10,8 @@ use crate::solver::state::Version;
 
 use super::memory::SleepMemory;
 use super::{
-    CHECKS_PER_DELAY, CONTACT_DISPLACEMENT_PART, MAX_DISPLACEMENT_RATIO, MAX_SPEED_RATIO, SleepCaches,
-    Sleepers, Surroundings, touching_gap,
+    BESIDE_RATIO, CHECKS_PER_DELAY, CONTACT_DISPLACEMENT_PART, MAX_DISPLACEMENT_RATIO, MAX_SPEED_RATIO,
+    SleepCaches, Sleepers, Surroundings, touching_gap,
 };
 
 /// Number of particles of which the speeds are compared at a time.
@@ -221,15 +221,18 @@ impl Clock<'_> {
         (MAX_SPEED_RATIO * self.sleep.speed) * (MAX_SPEED_RATIO * self.sleep.speed)
     }
 
-    /// Whether a particle is faster than what rests; true of a velocity that is not finite. Of what `touches` something the
-    /// velocity is that of the whole tick: at its end contacts may leave what gravity gives in some substeps.
+    /// Whether a particle is faster than what rests; true of a velocity that is not finite. Of what touches something, and of what is
+    /// `beside` that, the velocity is that of the whole tick: at its end contacts may leave what gravity gives in some substeps.
     #[inline]
-    fn is_fast(&self, particles: &Particles, slot: usize, touches: bool) -> bool {
-        let velocity = match touches {
-            true => (particles.position.get(slot) - self.start.get(slot)) / self.time_step,
-            false => particles.velocity.get(slot),
-        };
-        exceeds(velocity.length_squared(), self.speed_limit())
+    fn is_fast(&self, particles: &Particles, slot: usize, beside: bool) -> bool {
+        let (velocity, limit) = (particles.velocity.get(slot), self.speed_limit());
+        let touches = self.touches(slot);
+        if !(touches || beside) {
+            return exceeds(velocity.length_squared(), limit);
+        }
+        let mean = (particles.position.get(slot) - self.start.get(slot)) / self.time_step;
+        let vibrates = exceeds(velocity.length_squared(), BESIDE_RATIO * BESIDE_RATIO * limit);
+        exceeds(mean.length_squared(), limit) || (vibrates && !touches)
     }
 
     fn touches(&self, slot: usize) -> bool {
@@ -284,7 +287,7 @@ impl Clock<'_> {
                 continue;
             }
             let rested = memory.rested[slot];
-            if self.is_fast(particles, slot, self.touches(slot)) {
+            if self.is_fast(particles, slot, false) {
                 memory.rested[slot] = 0.0;
             } else if rested == 0.0
                 || Self::has_drifted(memory, particles, slot, self.drift_of_loose(particles, slot))
@@ -308,9 +311,9 @@ impl Clock<'_> {
         let slots = || members.iter().map(|slot| *slot as usize);
         let rested = std::mem::replace(&mut memory.rested[first], 0.0);
         // Particles beside those that touch move with them, and which touch changes from substep to substep.
-        let touches = slots().any(|slot| self.touches(slot));
+        let beside = slots().any(|slot| self.touches(slot));
         // The last one first: the free end of what hangs or is thrown.
-        if slots().rev().any(|slot| self.is_fast(particles, slot, touches)) {
+        if slots().rev().any(|slot| self.is_fast(particles, slot, beside)) {
             return false;
         }
         if rested == 0.0 || slots().any(|slot| Self::has_drifted(memory, particles, slot, self.drift())) {

@@ -134,7 +134,8 @@ impl Mesh {
         self.nearest_at(point, side, best)
     }
 
-    /// The nearest point of these triangles, as if there were no others; `side` as for [`nearest`](Self::nearest). Each is at least as far away as is said, and none is meant to be nearer than one before it.
+    /// The nearest point of these triangles, as if there were no others; `side` as for [`nearest`](Self::nearest). Each is at least as
+    /// far away as is said, and none is meant to be nearer than one before it.
     pub fn nearest_of(&self, point: DVec3, side: f64, items: impl Iterator<Item = (u32, f64)>) -> Nearest {
         let mut best = Best::NONE;
         for (item, least) in items {

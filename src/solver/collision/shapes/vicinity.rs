@@ -44,7 +44,7 @@ impl Vicinity {
         margin: impl FnOnce() -> f64,
     ) -> Option<Nearest> {
         let near = |nearest: Nearest| (nearest.distance <= within).then_some(nearest);
-        if let Some(clearance) = self.clearance_at(mesh, point) {
+        if let Some((clearance, _)) = self.clearance_at(mesh, point) {
             if self.count == 0 && clearance > within {
                 return None;
             }
@@ -64,18 +64,17 @@ impl Vicinity {
 
     /// The nearest point of the surface, if it is on one of the listed triangles.
     pub fn known(&self, mesh: &Mesh, (point, side): (DVec3, f64)) -> Option<Nearest> {
-        let clearance = self.clearance_at(mesh, point).filter(|_| self.count > 0)?;
-        let moved = f64::from(self.clearance) - clearance;
+        let (clearance, moved) = self.clearance_at(mesh, point).filter(|_| self.count > 0)?;
         let listed = self.listed[..self.count as usize].iter();
         let bounded = listed.map(|listed| (listed.triangle, f64::from(listed.distance) - moved));
         let found = mesh.nearest_of(point, side, bounded);
         (found.distance.abs() < clearance).then_some(found)
     }
 
-    /// How far triangles that are not listed are from a point, at least, m.
-    fn clearance_at(&self, mesh: &Mesh, point: DVec3) -> Option<f64> {
+    /// How far triangles that are not listed are from a point, at least, and how far that is from where the list was made, m.
+    fn clearance_at(&self, mesh: &Mesh, point: DVec3) -> Option<(f64, f64)> {
         let moved = point.distance(self.place.as_dvec3()) * (1.0 + 1e-6);
-        (self.mesh == mesh.version).then(|| f64::from(self.clearance) - moved)
+        (self.mesh == mesh.version).then(|| (f64::from(self.clearance) - moved, moved))
     }
 
     fn new(mesh: &Mesh, point: DVec3, clearance: f64) -> Self {
@@ -141,5 +140,33 @@ mod tests {
             touched += u32::from(found.is_some());
         }
         assert!(reused > 10_000 && (1000..19_000).contains(&touched), "{reused}, {touched}");
+    }
+
+    /// A point that goes through a sheet and back, which is met from one side, from the other, or from that on which it is.
+    #[test]
+    fn what_is_known_of_a_sheet_is_what_a_search_from_its_side_finds() {
+        let corners: Vec<Vec3> =
+            (0..25_u8).map(|corner| Vec3::new(f32::from(corner % 5), 0.0, f32::from(corner / 5))).collect();
+        let cells = (0..16_u32).map(|cell| cell / 4 * 5 + cell % 4);
+        let triangles: Vec<[u32; 3]> =
+            cells.flat_map(|at| [[at, at + 5, at + 6], [at, at + 6, at + 1]]).collect();
+        let sheet = Mesh::new(&corners, &triangles, false).unwrap();
+        assert_eq!(sheet.kind, super::super::MeshKind::TwoSided);
+        for side in [-1.0, 0.0, 1.0] {
+            let (mut vicinity, mut known) = (Vicinity::default(), 0);
+            for step in 0..4000_u32 {
+                let time = f64::from(step) * 1e-3;
+                let height = 0.1 * f64::from(bevy::math::ops::sin((5.0 * time) as f32));
+                let point = DVec3::new(0.5 + 0.7 * time, height, 1.3 + 0.4 * time);
+                let expected = sheet.nearest(point, side);
+                if let Some(found) = vicinity.known(&sheet, (point, side)) {
+                    known += 1;
+                    assert_eq!(found, expected, "side {side}, step {step}");
+                }
+                let found = vicinity.nearest(&sheet, (point, side), f64::INFINITY, || 0.02);
+                assert_eq!(found, Some(expected), "side {side}, step {step}");
+            }
+            assert!(known > 2000, "{known}");
+        }
     }
 }
