@@ -129,8 +129,26 @@ pub(super) fn add_elements(block: &Block, motion: &Motion, field: &Field, force:
         if AddBends::is_needed(block) {
             run(AddBends { block, motion, force: &mut force, buffers: bends });
         }
-        add_all_loose(block, motion, &mut force, springs);
+        run(AddLoose { block, motion, force: &mut force, computed: springs });
     });
+}
+
+/// Adds the forces of all loose elements. Work of its own, as what a closure does is not compiled for the best instructions.
+struct AddLoose<'a, 'b> {
+    block: &'a Block,
+    motion: &'a Motion<'a>,
+    force: &'a mut [&'b mut [f32]; 3],
+    computed: &'a SpringForces,
+}
+
+impl pulp::WithSimd for AddLoose<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { block, motion, force, computed } = self;
+        add_all_loose(block, motion, force, computed);
+    }
 }
 
 /// Adds the forces of loose elements one by one. Their ends are anywhere: to gather eight of them takes longer than to
