@@ -304,7 +304,7 @@ impl Block {
         run.material = (is_uniform(stiffness, first[0]) && is_uniform(damping, first[1])).then_some(first);
     }
 
-    /// Appends a place to the last run, and the parameters of what is computed there.
+    /// Appends a place to the run that is being filled, and the parameters of what is computed there.
     pub(super) fn push_place(&mut self, number: u32, spring: &Spring) {
         self.rest_length.push(spring.length_at_rest());
         self.stiffness.push(spring.stiffness);

@@ -312,7 +312,7 @@ mod tests {
         (particles, elements)
     }
 
-    /// Gravity, viscosity and the other springs come first in the sum of forces, so that another order would show.
+    /// Drag and the other springs come first in the sum of forces, so that another order would show.
     #[test]
     fn springs_at_pinned_particles_are_computed_in_runs_to_the_bit_as_one_by_one() {
         let (particles, mut elements) = anchored_ropes();
