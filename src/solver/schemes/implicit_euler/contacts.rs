@@ -42,8 +42,9 @@ const STIFFENING: f64 = 1e3;
 /// Factor by which K grows from one solution to the next.
 const GROWTH: f64 = 30.0;
 
-/// Number of solutions of a step in search of its contacts, at most.
+/// Number of solutions of a step in search of its contacts, at most; and with edges and faces, which touch by other points in each.
 const MAX_PASSES: usize = 5;
+const MAX_FEATURE_PASSES: usize = 20;
 
 /// The same where surfaces touch: few of these are solved until they converge.
 pub(super) const MAX_SURFACE_PASSES: usize = 2;
@@ -282,14 +283,12 @@ impl Contacts {
         let is_last = !self.any() || self.passes + 1 >= self.max_passes;
         match is_last {
             true if self.max_passes == MAX_SURFACE_PASSES => MAX_SURFACE_STEPS,
-            true => MAX_STEPS,
-            false if self.has_features => MAX_STEPS,
-            false => STEPS_OF_A_PASS,
+            false if !self.has_features => STEPS_OF_A_PASS,
+            _ => MAX_STEPS,
         }
     }
 
-    /// To be called after each solution of the step: whether another one is due, with stiffer contacts or with
-    /// the friction that follows from this one, or if it has not come close enough.
+    /// To be called after each solution: whether another one is due, with stiffer contacts, new friction, or to come close enough.
     pub fn refine(&mut self, position: &[DVec3], is_solved: bool) -> bool {
         self.passes += 1;
         for contact in &mut self.contacts {
@@ -339,6 +338,8 @@ impl Contacts {
             self.deepest = deepest;
         }
         let max_passes = if self.goes_on && !is_solved { MAX_PASSES } else { self.max_passes };
+        let of_features = self.has_features && max_passes == MAX_PASSES;
+        let max_passes = if of_features { MAX_FEATURE_PASSES } else { max_passes };
         let is_due = is_deep || !is_solved || rubs;
         any_harder || (is_due && self.any() && self.passes < max_passes)
     }

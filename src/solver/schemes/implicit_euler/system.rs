@@ -9,10 +9,10 @@ use super::block::Symmetric;
 use super::contact;
 use super::contacts::Contacts;
 use super::coupling::TreeLink;
-use super::eliminated::Eliminated;
 use super::gas::{self, GasTerms};
 use super::linearised::Linearised;
 use super::tethers::Tethers;
+use super::trees::Eliminated;
 use super::wide::Wide;
 use crate::solver::elements::{Elements, MAX_ENDS};
 use crate::solver::field::Field;
@@ -50,7 +50,7 @@ pub(super) struct System {
     pub start: Vec<DVec3>,
     /// The correction of the positions, m.
     pub step: Vec<DVec3>,
-    eliminated: Vec<Eliminated>,
+    pub eliminated: Vec<Eliminated>,
     /// The same where nodes may have two parents.
     pub wide: Wide,
     pub sums: Sums,
@@ -310,52 +310,6 @@ impl System {
             for (node, weight) in compound.core_ends(elimination) {
                 right[elimination.trees + node] += found.force * (load * weight);
             }
-        }
-        energy
-    }
-
-    fn eliminate_trees(&mut self, elimination: &Elimination) -> f64 {
-        let mut energy = 0.0;
-        let (sums, load) = (&mut self.sums, self.load);
-        let mut touching = self.tree_links.iter().peekable();
-        for (node, eliminated) in self.eliminated.iter_mut().enumerate() {
-            let parent = elimination.parents[node] as usize;
-            let position = self.position[node];
-            let inertia = self.inertia[node];
-            let apart = position - self.flight[node];
-            let pulled = apart.length_squared();
-            sums.pulled += pulled;
-            sums.pulled_energy += inertia * pulled;
-            energy += 0.5 * inertia * pulled;
-            let mut right = self.right[node] - load * inertia * apart;
-            let mut own = self.diagonal[node].plus_diagonal(inertia);
-            let mut link = Symmetric::default();
-            let range = elimination.tree_starts[node] as usize..elimination.tree_starts[node + 1] as usize;
-            for (element, ends) in self.elements[range.clone()].iter_mut().zip(&elimination.ends[range]) {
-                let other = ends[1] as usize;
-                let found = element.linearise(position - self.position[other]);
-                energy += found.energy;
-                let force = load * found.force;
-                right += force;
-                let block = Symmetric::uniaxial(element.direction, found.along, found.across);
-                own += block;
-                if other == parent {
-                    link += block;
-                    self.right[parent] -= force;
-                }
-            }
-            while let Some(touch) = touching.next_if(|touch| touch.node == node) {
-                // What is on the diagonal of the parent has been added already.
-                self.diagonal[parent] += touch.block;
-                link -= touch.block;
-            }
-            *eliminated = Eliminated::new(&own.factor(inertia), &link, right);
-            sums.step_energy += right.dot(eliminated.own());
-            (self.right[node], self.diagonal[node]) = Default::default();
-            let (matrix, vector) = eliminated.at_parent(&link);
-            self.right[parent] += vector;
-            self.diagonal[parent] += link;
-            self.diagonal[parent] -= matrix;
         }
         energy
     }

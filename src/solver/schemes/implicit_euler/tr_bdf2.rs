@@ -48,6 +48,9 @@ pub(super) const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// w = (√2 − 1)/2.
 const WEIGHT: f64 = (std::f64::consts::SQRT_2 - 1.0) / 2.0;
 
+/// (1 − γ)/γ: how much later the end of a step is than that of the trapezoidal rule, as a part of the time before.
+const LATER: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
 /// The largest displacement s² a by the forces at the start, as a part of the shortest element.
 const MAX_KICK: f64 = 0.25;
 
@@ -63,6 +66,8 @@ pub(super) struct Stages {
     /// By free node.
     loads: Vec<Load>,
     pull: Vec<DVec3>,
+    /// By free node: the accelerations at the end of a stage, as extrapolated from what is known, times s, m/s.
+    guesses: Vec<DVec3>,
     elements: Vec<Length>,
     /// The tension of each element at the end of the trapezoidal rule, N; empty after a step of backward Euler.
     middle: Vec<f64>,
@@ -226,6 +231,9 @@ impl Stages {
             }
             Motion { position: position + s * velocity, velocity: kicked }
         }));
+        self.guesses.clear();
+        let motions = self.start.iter().zip(&self.stage).take(elimination.free);
+        self.guesses.extend(motions.map(|(start, stage)| stage.velocity - start.velocity));
         for (inertia, Load { mass, rate, .. }) in system.inertia.iter_mut().zip(&self.loads) {
             *inertia = mass * (1.0 / s + rate) / s;
         }
@@ -239,8 +247,13 @@ impl Stages {
         self.middle.extend(system.tensions(context.elimination));
         let s = STAGE * context.h;
         let extrapolated = |middle: DVec3, start: DVec3| middle + WEIGHT * (middle - start);
-        for ((stage, start), &middle) in self.stage.iter_mut().zip(&self.start).zip(&system.position) {
+        for (node, (stage, start)) in self.stage.iter_mut().zip(&self.start).enumerate() {
+            let middle = system.position[node];
             let velocity = (middle - stage.position) / s;
+            if let Some(guess) = self.guesses.get_mut(node) {
+                let at_middle = velocity - stage.velocity;
+                *guess = at_middle + LATER * (at_middle - *guess);
+            }
             *stage = Motion {
                 position: extrapolated(middle, start.position),
                 velocity: extrapolated(velocity, start.velocity),
@@ -285,6 +298,7 @@ impl Stages {
             system.start[node] = position;
             system.position[node] = position + s * velocity;
             if node < elimination.free {
+                system.position[node] += s * self.guesses[node];
                 let Load { mass, push, rate } = self.loads[node];
                 system.flight[node] = position + s * (velocity + s * push) / (1.0 + s * rate);
                 let slot = elimination.slots[node] as usize;
