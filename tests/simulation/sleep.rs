@@ -82,35 +82,38 @@ fn nets_that_lie_on_solids_fall_asleep() {
 /// At the edges of a box contacts change from substep to substep, and particles beside them have velocities of some g h.
 #[test]
 fn a_cloth_over_the_edges_of_a_box_falls_asleep_and_again_when_that_has_turned() {
-    let mut solver = Solver::default();
-    let pose = |angle: f32| Pose { point: Vec3::ZERO, rotation: Quat::from_rotation_z(angle) };
-    solver.add_collider(Collider {
-        material: Material { friction: 0.6, ..Material::default() },
-        ..Collider::resting(Shape::cuboid(Vec3::splat(0.2)), pose(0.0))
-    });
-    let cloth = colliding::Cloth {
-        cells: 8,
-        size: 0.6,
-        radius: 0.01,
-        stiffness: 1e3,
-        areal_density: 0.15,
-        damping: 0.1,
-    };
-    cloth.add(&mut solver, Vec3::new(-0.3, 0.211, -0.3), [Vec3::X, Vec3::Z]);
-    let settings = StepSettings {
-        gravity: Vec3::NEG_Y * GRAVITY,
-        // Drag per mass, 1/s.
-        viscosity: 1.0 / solver.inverse_mass(0),
-        sleep: Some(Sleep::default()),
-        ..StepSettings::default()
-    };
-    until_asleep(&mut solver, &settings, 20.0);
-    solver.inputs_mut().colliders[0].target = pose(0.01);
-    solver.step(&settings);
-    solver.inputs_mut().colliders[0].start = pose(0.01);
-    assert_eq!(solver.asleep_count(), 0, "it wakes");
-    until_asleep(&mut solver, &settings, 20.0);
-    assert_stays(&mut solver, &settings);
+    for integrator in [Integrator::Auto, Integrator::Xpbd] {
+        let mut solver = Solver::default();
+        let pose = |angle: f32| Pose { point: Vec3::ZERO, rotation: Quat::from_rotation_z(angle) };
+        solver.add_collider(Collider {
+            material: Material { friction: 0.6, ..Material::default() },
+            ..Collider::resting(Shape::cuboid(Vec3::splat(0.2)), pose(0.0))
+        });
+        let cloth = colliding::Cloth {
+            cells: 8,
+            size: 0.6,
+            radius: 0.01,
+            stiffness: 1e3,
+            areal_density: 0.15,
+            damping: 0.1,
+        };
+        cloth.add(&mut solver, Vec3::new(-0.3, 0.211, -0.3), [Vec3::X, Vec3::Z]);
+        let settings = StepSettings {
+            integrator,
+            gravity: Vec3::NEG_Y * GRAVITY,
+            // Drag per mass, 1/s.
+            viscosity: 1.0 / solver.inverse_mass(0),
+            sleep: Some(Sleep::default()),
+            ..StepSettings::default()
+        };
+        until_asleep(&mut solver, &settings, 20.0);
+        solver.inputs_mut().colliders[0].target = pose(0.01);
+        solver.step(&settings);
+        solver.inputs_mut().colliders[0].start = pose(0.01);
+        assert_eq!(solver.asleep_count(), 0, "it wakes");
+        until_asleep(&mut solver, &settings, 20.0);
+        assert_stays(&mut solver, &settings);
+    }
 }
 
 /// What wakes goes on where it is. Asleep it was kept from moving by less than the drift d = 0.2 speed · delay in the delay; so

@@ -138,7 +138,11 @@ impl BroadPhase {
 
     /// What all have moved by, about, m. (Any vector will do: skins and boxes are compared without it.)
     pub fn common_displacement(&self, particles: &Particles) -> Vec3 {
-        mean(particles.len(), |slot| particles.position.get(slot) - self.origins.get(slot))
+        self.common_displacement_to(&particles.position)
+    }
+
+    fn common_displacement_to(&self, positions: &Vectors) -> Vec3 {
+        mean(self.skins.len(), |slot| positions.get(slot) - self.origins.get(slot))
     }
 
     /// Whether the free chains still are; the play of those that have used it up is found anew.
@@ -164,12 +168,19 @@ impl BroadPhase {
     /// Whether a particle has moved by more than its skin. What all have moved by together does not count:
     /// it brings no two of them closer.
     pub fn skin_exceeded(&self, particles: &Particles) -> bool {
-        if !self.any_skins {
-            return false;
-        }
-        let [x, y, z] = particles.position.axes();
+        self.any_skins && self.any_outside(&particles.position)
+    }
+
+    /// Whether in the substep in which it was searched no particle has moved by more than its skin, from `previous`: then it has found
+    /// what touched on the way, too.
+    pub fn covers_way_from(&self, previous: &Vectors) -> bool {
+        !self.any_outside(previous)
+    }
+
+    fn any_outside(&self, positions: &Vectors) -> bool {
+        let [x, y, z] = positions.axes();
         let [origin_x, origin_y, origin_z] = self.origins.axes();
-        let common = self.common_displacement(particles).to_array();
+        let common = self.common_displacement_to(positions).to_array();
         let moved = x.iter().zip(origin_x).zip(y.iter().zip(origin_y)).zip(z.iter().zip(origin_z));
         moved.zip(&self.skins).any(|((((x, from_x), (y, from_y)), (z, from_z)), skin)| {
             let moved = [x - from_x - common[0], y - from_y - common[1], z - from_z - common[2]];

@@ -43,6 +43,8 @@ pub(super) struct Candidates {
     pub exclusions_version: Option<Version>,
     /// Whether contacts have been found since then that the memory does not hold yet.
     pub ahead: bool,
+    /// Whether the list has been refreshed for the sweeps of this substep.
+    is_refreshed: bool,
 }
 
 impl Candidates {
@@ -62,23 +64,44 @@ impl Candidates {
         &mut self,
         memory: &mut ContactMemory,
         contacts: &mut PairContacts,
-        particles: &Particles,
-        previous: &Vectors,
+        paths: (&Particles, &Vectors),
         substep: Substep,
     ) {
-        let last = memory.broad_phase.as_ref().filter(|last| last.fits(particles.len()));
-        let exceeded = last.map(|last| self.is_exceeded(last, particles));
-        self.refresh_exclusions(memory, particles, substep.elements);
-        memory.age = memory.age.saturating_add(1);
+        let last = memory.broad_phase.as_ref().filter(|last| last.fits(paths.0.len()));
+        let exceeded = last.map(|last| self.is_exceeded(last, paths.0));
+        self.refresh_exclusions(memory, paths.0, substep.elements);
+        if !std::mem::take(&mut self.is_refreshed) {
+            memory.age = memory.age.saturating_add(1);
+        }
         if exceeded == Some(true) {
             memory.wide = should_be_wide(memory.wide, memory.age);
         }
         if exceeded != Some(false) {
-            return self.renew(memory, contacts, (particles, previous), substep, ChainPurpose::ForSubsteps);
+            return self.renew(memory, contacts, paths, substep, ChainPurpose::ForSubsteps);
         }
-        self.derive(memory, contacts, particles);
+        self.derive(memory, contacts, paths.0);
         self.version = Some(memory.version);
         self.ahead = true;
+    }
+
+    /// Searches anew before the sweeps of a substep, if the last search has become invalid. Whether the list then holds all pairs that
+    /// touch on their ways, as all have moved by less than their new skins.
+    pub fn refresh_for_sweep(
+        &mut self,
+        memory: &mut ContactMemory,
+        contacts: &mut PairContacts,
+        paths: (&Particles, &Vectors),
+        substep: Substep,
+    ) -> bool {
+        let last = memory.broad_phase.as_ref().filter(|last| last.fits(paths.0.len()));
+        if last.is_none_or(|last| !self.is_exceeded(last, paths.0)) {
+            return true;
+        }
+        self.refresh(memory, contacts, paths, substep);
+        // The contacts of this substep have not been found yet: the memory holds the last ones.
+        (self.is_refreshed, self.ahead) = (true, false);
+        let last = memory.broad_phase.as_ref();
+        last.is_some_and(|last| last.chains.is_empty() && last.covers_way_from(paths.1))
     }
 
     /// Makes a new search, and recalls in `contacts` the impulses of the substep before. `purpose`: what for.
@@ -252,7 +275,7 @@ mod tests {
                 duration,
                 elapsed,
             };
-            candidates.refresh(memory, contacts, particles, &particles.position, substep);
+            candidates.refresh(memory, contacts, (particles, &particles.position), substep);
             // No narrow phase follows.
             candidates.ahead = false;
             let Candidates { list, regions, .. } = candidates;

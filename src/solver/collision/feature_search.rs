@@ -19,6 +19,7 @@ use super::collider::{Collider, Placed};
 use super::features::{Feature, sum, weigh};
 use super::material::{ContactProperties, properties_of};
 use super::response::{Approach, Rebound};
+use super::round::Following;
 use super::shapes::{Arrival, Bounds, CornerPaths, Deepest, Nearest};
 use super::touch::{AccumulatedCorrection, Touch};
 use super::touch_search::{Search, rounding};
@@ -391,6 +392,7 @@ impl Search<'_> {
             mass: (1.0 / mobility) as f32,
             impulse: 0.0,
             accumulated: AccumulatedCorrection::default(),
+            following: Following::default(),
             key,
         })
     }

@@ -84,6 +84,11 @@ impl ContactMemory {
         self.broad_phase.as_ref().is_some_and(|last| last.fits(count) && !last.any_skins)
     }
 
+    /// Whether the last search has found free chains.
+    pub fn any_chains(&self) -> bool {
+        self.broad_phase.as_ref().is_some_and(|last| !last.chains.is_empty())
+    }
+
     /// To be called when a radius, a mass or a spring has changed: the next tick searches for the pairs that
     /// may touch.
     pub fn request_search(&mut self) {

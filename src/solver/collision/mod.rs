@@ -43,6 +43,7 @@ mod record;
 mod regions;
 mod response;
 mod rest;
+mod round;
 mod shapes;
 mod solids;
 mod solve;
@@ -252,9 +253,15 @@ impl ContactCaches {
         let tolerances =
             [rest::tolerated_error(settings), solve::COUPLED_ERROR].map(|error| error * gravity * duration);
         let falls_asleep = settings.sleep.is_some();
+        let in_round = integrator == Integrator::Xpbd && touch::are_coupled(&self.touches.all);
+        if in_round {
+            self.solve_round(duration);
+        } else {
+            self.recall_touches();
+        }
         self.solve_velocities((rules, falls_asleep), tolerances, integrator.displacement_share() * duration);
         self.hold_still(gravity * duration, falls_asleep);
-        self.solve_positions(rules, duration);
+        self.solve_positions(rules, duration, in_round);
         bodies::write_back(&self.bodies, particles, &self.candidates.regions);
         if let Some(records) = records {
             self.record(particles, records);
@@ -277,12 +284,21 @@ impl ContactCaches {
         }
         let Self { candidates, previous, sweep, is_implicit, pair_contacts, .. } = self;
         candidates.derive(memory, pair_contacts, particles);
-        let last = memory.broad_phase.as_ref().filter(|_| proof != Proof::Fails);
-        let exclusions = &candidates.exclusions;
-        let is_swept = |slot| !exclusions.is_covered(slot) && last.is_none_or(|last| last.has_skin(slot));
-        if !sweep.find_fast(particles, previous, is_swept) {
+        // Free chains are not swept while their proof holds.
+        let any_free = proof != Proof::Fails && memory.any_chains();
+        let is_free = |memory: &ContactMemory, slot: usize| {
+            any_free && memory.broad_phase.as_ref().is_some_and(|last| !last.has_skin(slot))
+        };
+        let is_fast_swept = |slot| !candidates.exclusions.is_covered(slot) && !is_free(memory, slot);
+        if !sweep.find_fast(particles, previous, is_fast_swept) {
             return false;
         }
+        let is_known = proof != Proof::Holds
+            || any_free
+            || candidates.refresh_for_sweep(memory, pair_contacts, (particles, previous), substep);
+        let exclusions = &candidates.exclusions;
+        let memory = &*memory;
+        let is_swept = |slot| !exclusions.is_covered(slot) && !is_free(memory, slot);
         let mut grid = std::mem::take(&mut candidates.grid);
         let may_meet = |particles: &Particles, slots: [u32; 2]| {
             let stays = |slot: usize| particles.is_pinned(slot) || is_implicit.get(slot) == Some(&true);
@@ -298,12 +314,14 @@ impl ContactCaches {
             exclusions,
             is_implicit,
         };
-        let around = (&mut grid, candidates.found_pairs(memory, particles));
+        let listed = candidates.found_pairs(memory, particles).filter(|_| is_known);
+        let around = (&mut grid, listed);
         let slides = |particles: &Particles, slots| response.slides(particles, slots);
         let may_slide = |particles: &Particles, slots| slides(particles, slots) && may_meet(particles, slots);
         let mut any = exclusions.any_sprung()
             && sweep.slide(around, particles, previous, is_swept, may_slide, response);
-        let around = (&mut grid, candidates.found_pairs(memory, particles));
+        let listed = candidates.found_pairs(memory, particles).filter(|_| is_known);
+        let around = (&mut grid, listed);
         let may_stop = |particles: &Particles, slots| !slides(particles, slots) && may_meet(particles, slots);
         let is_lone = |slot| particles.radius()[slot] > 0.0 && !exclusions.is_sprung(slot);
         if (0..particles.len()).any(is_lone) {
@@ -323,7 +341,7 @@ impl ContactCaches {
         let rebound = substep.rebound();
         let Self { candidates, pair_contacts, previous, .. } = self;
         if settings.pair_rules.is_some() {
-            candidates.refresh(memory, pair_contacts, particles, previous, substep);
+            candidates.refresh(memory, pair_contacts, (particles, previous), substep);
         } else {
             candidates.disable(memory, particles.len());
             // Rebounds from colliders depend on which particles are on springs.

@@ -7,7 +7,7 @@ use crate::solver::settings::PairRules;
 const VELOCITY_ITERATIONS: usize = 3;
 
 /// Number of iterations over their positions.
-const POSITION_ITERATIONS: usize = 2;
+pub(super) const POSITION_ITERATIONS: usize = 2;
 
 /// What contacts of edges and faces may leave uncorrected, as a part of what gravity gives in a substep: they begin with what was
 /// enough in the one before, so that what rests needs one iteration.
@@ -45,7 +45,6 @@ impl ContactCaches {
         let iterations = if are_coupled { VELOCITY_ITERATIONS } else { 1 };
         let takes_back = self.takes_back();
         if takes_back {
-            touch::recall(&mut self.touches.all, &self.touches.last);
             self.touches.all.iter_mut().for_each(|touch| touch.start_velocity(&mut self.bodies));
         }
         for _ in 0..iterations {
@@ -60,9 +59,16 @@ impl ContactCaches {
         }
     }
 
+    /// Gives the contacts with colliders what they did in the substep before, if they take it back.
+    pub(super) fn recall_touches(&mut self) {
+        if self.takes_back() {
+            touch::recall(&mut self.touches.all, &self.touches.last);
+        }
+    }
+
     /// Whether contacts with colliders take back what they have given too much: not where loose balls touch, as what is at the
     /// bottom of a pile must not give way.
-    fn takes_back(&self) -> bool {
+    pub(super) fn takes_back(&self) -> bool {
         self.pair_count() == 0 && touch::are_coupled(&self.touches.all)
     }
 
@@ -75,12 +81,12 @@ impl ContactCaches {
         each.map(|touch| touch.solve_velocity(&mut self.bodies, takes_back)).fold(0.0, f32::max)
     }
 
-    /// Solves the positions at the end of a substep of `substep` seconds.
-    pub(super) fn solve_positions(&mut self, rules: PairRules, substep: f32) {
+    /// Solves the positions at the end of a substep of `substep` seconds; those of contacts with colliders may have begun in a round.
+    pub(super) fn solve_positions(&mut self, rules: PairRules, substep: f32, has_begun: bool) {
         let takes_back = self.takes_back();
         let Self { pair_contacts, plane_contacts, touches, candidates, surfaces, bodies, .. } = self;
         let recovery = RECOVERY_RATE * substep / POSITION_ITERATIONS as f32;
-        if takes_back {
+        if takes_back && !has_begun {
             touches.all.iter_mut().for_each(|touch| touch.start_position(bodies));
         }
         for _ in 0..POSITION_ITERATIONS {
@@ -88,7 +94,10 @@ impl ContactCaches {
             for contact in &*plane_contacts {
                 plane::solve_position(contact, &surfaces[contact.plane], bodies, substep);
             }
-            touches.all.iter_mut().for_each(|touch| touch.solve_position(bodies, substep, takes_back));
+            touches
+                .all
+                .iter_mut()
+                .for_each(|touch| touch.solve_position(bodies, substep, [takes_back, false]));
         }
         touches.last.clear();
         if takes_back {

@@ -14,6 +14,7 @@ use bevy::math::{Vec3, Vec3A};
 
 use super::bodies::Body;
 use super::response::{shortened, tangential};
+use super::round::Following;
 use crate::solver::particles::Particles;
 
 /// Particles of a point, at most.
@@ -49,6 +50,8 @@ pub(super) struct Touch {
     pub impulse: f32,
     /// Used only where contacts may take back what they have given too much.
     pub accumulated: AccumulatedCorrection,
+    /// Used only in the rounds of [`Integrator::Xpbd`](crate::solver::Integrator::Xpbd).
+    pub following: Following,
     /// What names it among those of the substep before.
     pub key: u64,
 }
@@ -131,7 +134,7 @@ impl Touch {
                 shortened(tangential(friction_velocity.into(), self.normal), self.friction * change);
             (self.accumulated.velocity, self.accumulated.friction_velocity) =
                 (change, friction_velocity.into());
-            self.impulse = change * self.mass;
+            self.impulse += change * self.mass;
             let change_of_velocity = self.normal * change + friction_velocity;
             self.each(bodies, |body, share| body.velocity += change_of_velocity * share);
         }
@@ -167,6 +170,34 @@ impl Touch {
         }
     }
 
+    /// Moves the point by `depth` along the normal and by friction; in a `round` of this many seconds the velocity follows.
+    fn displace(
+        &mut self,
+        bodies: &mut [Body],
+        depth: f32,
+        friction_displacement: Vec3A,
+        round: Option<f32>,
+    ) {
+        let correction = self.normal * depth + friction_displacement;
+        let mut change_of_velocity = Vec3A::ZERO;
+        if let Some(substep) = round {
+            let (change, friction) =
+                self.following.follow([depth, self.friction, substep], friction_displacement);
+            change_of_velocity = self.normal * change + friction;
+            self.impulse += change * self.mass;
+        }
+        self.each(bodies, |body, share| {
+            body.position += correction * share;
+            body.velocity += change_of_velocity * share;
+        });
+    }
+
+    /// Takes note how fast the point approaches, before contacts have changed anything.
+    pub fn begin_round(&mut self, bodies: &[Body]) {
+        let relative = self.sum(bodies, |body| body.velocity) - self.surface_velocity;
+        self.following = Following::new(-relative.dot(self.normal));
+    }
+
     /// How deep the point is now, m.
     fn depth_among(&self, bodies: &[Body]) -> f32 {
         let place = self.sum(bodies, |body| body.position);
@@ -183,26 +214,24 @@ impl Touch {
         }
     }
 
-    /// Puts the point back onto the surface; static friction, back to where it stuck.
-    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32, takes_back: bool) {
+    /// Puts the point back onto the surface; static friction, back to where it stuck. In a `round` the velocity follows.
+    pub fn solve_position(&mut self, bodies: &mut [Body], substep: f32, [takes_back, in_round]: [bool; 2]) {
         let accumulated = if takes_back { self.accumulated } else { AccumulatedCorrection::default() };
         let change = self.depth_among(bodies).max(-accumulated.depth);
         let depth = accumulated.depth + change;
         if change.is_nan() || depth <= 0.0 && accumulated.depth <= 0.0 {
             return;
         }
-        let mut correction = self.normal * change;
-        let mut friction_displacement = Vec3A::from(accumulated.friction_displacement);
+        let old = Vec3A::from(accumulated.friction_displacement);
+        let mut friction_displacement = old;
         if self.friction > 0.0 {
             let slip = self.sum(bodies, Body::moved) - self.surface_velocity * substep;
-            let old = friction_displacement;
             friction_displacement = shortened(old - tangential(slip, self.normal), self.friction * depth);
-            correction += friction_displacement - old;
         }
         if takes_back {
             (self.accumulated.depth, self.accumulated.friction_displacement) =
                 (depth, friction_displacement.into());
         }
-        self.each(bodies, |body, share| body.position += correction * share);
+        self.displace(bodies, change, friction_displacement - old, in_round.then_some(substep));
     }
 }

@@ -13,6 +13,7 @@ use crate::solver::particles::{Particles, Vectors};
 use super::collider::{Collider, Placed};
 use super::material::{ContactProperties, properties_of};
 use super::response::{Approach, Rebound};
+use super::round::Following;
 use super::shapes::{Bounds, Nearest, Vicinity};
 use super::touch::{AccumulatedCorrection, Touch};
 
@@ -383,6 +384,7 @@ impl Search<'_> {
             mass: 1.0 / self.particles.inverse_mass()[slot],
             impulse: 0.0,
             accumulated: AccumulatedCorrection::default(),
+            following: Following::default(),
             key: (slot as u64) << 32 | u64::from(number),
         }
     }
