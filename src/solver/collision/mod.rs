@@ -293,7 +293,8 @@ impl ContactCaches {
         if !sweep.find_fast(particles, previous, is_fast_swept) {
             return false;
         }
-        let is_known = proof != Proof::Holds
+        // A list of this substep may lack pairs that touched on the way. One from before, if it is still good, has them.
+        let is_complete = proof != Proof::Holds
             || any_free
             || candidates.refresh_for_sweep(memory, pair_contacts, (particles, previous), substep);
         let exclusions = &candidates.exclusions;
@@ -314,13 +315,13 @@ impl ContactCaches {
             exclusions,
             is_implicit,
         };
-        let listed = candidates.found_pairs(memory, particles).filter(|_| is_known);
+        let listed = candidates.found_pairs(memory, particles).filter(|_| is_complete);
         let around = (&mut grid, listed);
         let slides = |particles: &Particles, slots| response.slides(particles, slots);
         let may_slide = |particles: &Particles, slots| slides(particles, slots) && may_meet(particles, slots);
         let mut any = exclusions.any_sprung()
             && sweep.slide(around, particles, previous, is_swept, may_slide, response);
-        let listed = candidates.found_pairs(memory, particles).filter(|_| is_known);
+        let listed = candidates.found_pairs(memory, particles).filter(|_| is_complete);
         let around = (&mut grid, listed);
         let may_stop = |particles: &Particles, slots| !slides(particles, slots) && may_meet(particles, slots);
         let is_lone = |slot| particles.radius()[slot] > 0.0 && !exclusions.is_sprung(slot);

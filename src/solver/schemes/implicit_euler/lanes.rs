@@ -10,6 +10,7 @@ use super::block::Symmetric;
 /// Two numbers side by side.
 pub(super) type Lanes = f64x2;
 
+/// How many there are side by side: as many as the halves of a rope.
 pub(super) const LANES: usize = 2;
 
 /// Two vectors side by side.
