@@ -16,6 +16,7 @@ use super::contact::{COINCIDENT, gap_along};
 use super::follow::DisplacementField;
 use super::force_velocities::ForceVelocities;
 use super::pair::{CLOSE_PART, MIN_DISTANCE_PART, PairPaths};
+use super::primitives::Primitives;
 use super::search::{Candidate, Moving, Search};
 use crate::solver::particles::{Particles, Vectors};
 
@@ -88,12 +89,16 @@ impl Advance {
     /// `attempt` in the substep counts from 0. `loses` says whether they lose what they have gained.
     pub fn stop(
         &mut self,
-        (search, on_mesh): (&Search, &[bool]),
+        (search, primitives): (&Search, &Primitives),
         start: &Vectors,
         particles: &mut Particles,
         (attempt, loses): (u32, bool),
     ) -> bool {
-        self.find_close_pairs(search, Moving { start, end: &particles.position, particles }, attempt);
+        self.find_close_pairs(
+            (search, primitives),
+            Moving { start, end: &particles.position, particles },
+            attempt,
+        );
         if self.close_pairs.is_empty() {
             return false;
         }
@@ -108,8 +113,12 @@ impl Advance {
             Some(0) => return false,
             Some(_) => {}
             None => {
-                self.put_back(start, (particles, loses), on_mesh);
-                self.find_close_pairs(search, Moving { start, end: &particles.position, particles }, attempt);
+                self.put_back(start, (particles, loses), &primitives.on_mesh);
+                self.find_close_pairs(
+                    (search, primitives),
+                    Moving { start, end: &particles.position, particles },
+                    attempt,
+                );
                 self.settle(search, start, particles, attempt);
             }
         }
@@ -228,7 +237,12 @@ impl Advance {
 
     /// Lists the pairs that come too near on their paths, and those that are so near at the start that they would if one of them stopped.
     /// Both are in any list of candidates that holds for these paths: which pairs are close does not depend on when they were found.
-    fn find_close_pairs(&mut self, search: &Search, moving: Moving, attempt: u32) {
+    fn find_close_pairs(
+        &mut self,
+        (search, primitives): (&Search, &Primitives),
+        moving: Moving,
+        attempt: u32,
+    ) {
         self.close_pairs.clear();
         self.close_pairs.reserve(search.near().len());
         for near in search.near() {
@@ -254,18 +268,18 @@ impl Advance {
                 continue;
             }
             let weights = candidate.signed(weights);
-            let normal = direction;
-            let number = near.number;
             self.close_pairs.push(ClosePair {
-                number,
+                number: near.number,
                 direction,
-                normal,
+                normal: direction,
                 weights,
                 distance,
                 least,
                 is_met: false,
             });
         }
+        // In an order that does not depend on when they were found.
+        self.close_pairs.sort_unstable_by_key(|pair| search.order(pair.number, primitives));
     }
 
     /// One round over all pairs; whether any particle goes less far than before.

@@ -36,6 +36,53 @@ pub(super) fn closest(kind: Kind, corners: &[Vec3A; 4]) -> Closest {
     Closest { apart: apart.as_vec3a(), weights: weights.map(|weight| weight as f32) }
 }
 
+/// About the direction from the closest point of the second side to that of the first, a unit vector or 0: cheap, in f32. Whatever it is, what is apart
+/// along it is apart.
+#[inline]
+pub(super) fn direction(kind: Kind, corners: &[Vec3A; 4]) -> Vec3A {
+    let [a, b, c] = [1, 2, 3].map(|corner| corners[corner] - corners[0]);
+    let apart = match kind {
+        Kind::VertexFace => from_face([a, b, c]),
+        Kind::EdgeEdge => between_edges(a, [b, c]),
+        Kind::VertexEdge => from_edge([a, b]),
+    };
+    apart.normalize_or_zero()
+}
+
+/// From the nearest point of a segment to the origin.
+#[inline]
+fn from_edge([a, b]: [Vec3A; 2]) -> Vec3A {
+    let along = b - a;
+    let part = -a.dot(along) / along.length_squared().max(f32::MIN_POSITIVE);
+    -(a + along * part.clamp(0.0, 1.0))
+}
+
+/// From the nearest point of a triangle to the origin.
+#[inline]
+fn from_face([a, b, c]: [Vec3A; 3]) -> Vec3A {
+    let normal = (b - a).cross(c - a);
+    let outside = [(a, b), (b, c), (c, a)].map(|(from, to)| normal.dot((to - from).cross(from)));
+    // The origin is above the face if it is on the inner side of each edge.
+    if outside.iter().all(|side| *side <= 0.0) {
+        return normal * -normal.dot(a).signum();
+    }
+    let nearer =
+        |one: Vec3A, other: Vec3A| if other.length_squared() < one.length_squared() { other } else { one };
+    nearer(nearer(from_edge([a, b]), from_edge([b, c])), from_edge([c, a]))
+}
+
+/// From the nearest point of a segment to that of one from the origin to `own`.
+#[inline]
+fn between_edges(own: Vec3A, [from, to]: [Vec3A; 2]) -> Vec3A {
+    let along = to - from;
+    let (a, e) = (own.length_squared().max(f32::MIN_POSITIVE), along.length_squared().max(f32::MIN_POSITIVE));
+    let (b, c, f) = (own.dot(along), -own.dot(from), -along.dot(from));
+    let first = ((b * f - c * e) / (a * e - b * b).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let second = ((b * first + f) / e).clamp(0.0, 1.0);
+    let first = ((b * second - c) / a).clamp(0.0, 1.0);
+    own * first - (from + along * second)
+}
+
 /// Where on an edge it is closest to a point: 0 to 1.
 fn on_edge(point: DVec3, [a, b]: [DVec3; 2]) -> f64 {
     let along = b - a;

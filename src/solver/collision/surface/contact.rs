@@ -2,7 +2,7 @@
 
 use bevy::math::{Vec3, Vec3A};
 
-use super::lists::NearPair;
+use super::list::NearPair;
 use super::pair::{CLOSE_PART, Kind, PairPaths, apart_along, least_apart, rounding_of};
 use super::primitives::owns;
 use super::search::{Candidate, Moving, Search};
@@ -87,13 +87,19 @@ impl Candidate {
         self.reach.min(self.most)
     }
 
-    /// A distance in m below which they have not come where they were `distance` m apart and have `moved` since.
+    /// A distance in m below which they have not come that are `distance` m apart where they are expected, and have `moved` from there.
     #[inline]
     pub fn least_distance(&self, distance: f32, moved: &[Vec<f32>; 2]) -> f32 {
+        distance - self.room(moved)
+    }
+
+    /// By how much their distance may change where vertices move so far, by frame and slot, m.
+    #[inline]
+    pub fn room(&self, moved: &[Vec<f32>; 2]) -> f32 {
         let moved = &moved[usize::from(!self.is_within)];
         let most = |slots: &[u32]| slots.iter().map(|slot| moved[*slot as usize]).fold(0.0, f32::max);
         let [first, second] = self.sides();
-        distance - most(first) - most(second)
+        most(first) + most(second)
     }
 
     /// Weights of which those of the second side are negative.

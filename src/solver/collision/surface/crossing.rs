@@ -4,7 +4,7 @@
 //! and what is stopped there would never part.
 
 use super::contact::COINCIDENT;
-use super::lists::NearPair;
+use super::list::NearPair;
 use super::search::{Candidate, Moving};
 
 /// The corners of pairs that cross.
@@ -18,7 +18,7 @@ pub(super) struct Crossings {
 }
 
 impl Crossings {
-    /// Lists those of a list that may cross before a vertex is beyond its limits by the slack of its body. Of what is joined nothing is a
+    /// Lists those of some pairs that may cross before a vertex is beyond its limits by the slack of its body. Of what is joined nothing is a
     /// crossing.
     pub fn list(
         &mut self,
@@ -32,7 +32,6 @@ impl Crossings {
             candidate.most >= candidate.reach
                 && candidate.least_distance(near.distance, limits) <= most_of(candidate) + slack
         };
-        self.pairs.clear();
         self.pairs.extend(pairs.iter().filter(may_cross));
     }
 

@@ -13,7 +13,7 @@
 //!   particles of pairs that are not certified stop), exact for what slides and moves together, and needs no memory: all of
 //!   this is a function of where particles are at the start and at the end of a substep. A few pairs that fail are advanced
 //!   conservatively. The bounds of offset geometric contact remain for what they are best at, pairs that were not found: each
-//!   vertex stays near where it was in the last search, or near its path in the substep (`search.rs`).
+//!   vertex stays near the path on which it was expected to go on in the last search, or is searched for anew (`displacements.rs`).
 //!
 //! It is the last thing in a substep, after all that moves particles: any scheme, contacts of all kinds, strain limits.
 //! Pinned particles keep their prescribed motion, and push the others.
@@ -34,14 +34,16 @@ mod follow;
 mod force_velocities;
 mod grip;
 mod lanes;
-mod lists;
+mod list;
 mod near;
+mod order;
 mod pair;
 mod pair_collector;
 mod primitives;
 mod search;
 mod solve;
 mod spread;
+mod steps;
 mod stiff;
 mod supports;
 mod tree;
@@ -156,6 +158,7 @@ impl Surfaces {
     /// Keeps where all are at the start of a substep.
     pub fn begin_substep(&mut self, particles: &Particles) {
         if self.is_active {
+            self.search.begin_substep(&particles.position);
             self.start.copy_from(&particles.position);
         }
         self.begin_advance(particles);
@@ -245,6 +248,8 @@ impl Surfaces {
         if contacts.is_empty() {
             return false;
         }
+        // In an order that does not depend on when they were found.
+        contacts.sort_unstable_by_key(|contact| search.order(contact.candidate, primitives));
         self.grips.recall(contacts, &search.candidates);
         self.gather(particles);
         let Self { contacts, bodies, supports, .. } = self;
@@ -319,7 +324,7 @@ impl Surfaces {
             // Where some stop and others go on they may meet what they would have gone along with.
             any |= self.ensure(particles, (properties, None));
             let Self { advance, search, primitives, start, .. } = self;
-            if !advance.stop((search, &primitives.on_mesh), start, particles, (stop, !is_implicit)) {
+            if !advance.stop((search, primitives), start, particles, (stop, !is_implicit)) {
                 return any;
             }
             any = true;

@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3A;
 
-use super::closest::{Closest, closest};
+use super::closest::{Closest, closest, direction};
 
 /// What is near what.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -76,6 +76,37 @@ pub(super) fn apart_along(kind: Kind, corners: &[Vec3A; 4], direction: Vec3A) ->
 pub(super) fn rounding_of(corners: &[Vec3A; 4]) -> f32 {
     let farthest = corners.iter().fold(Vec3A::ZERO, |most, corner| most.max(corner.abs()));
     DISTANCE_ROUNDING * farthest.max_element()
+}
+
+/// A distance below which a pair does not come on straight paths of its corners, from `start` to `end`, m, and the direction along which it
+/// keeps it; `None` where it `is_far` by what is known before the closest points are.
+///
+/// It is less than the true one: what is told from it must not depend on rounding. What is apart along one direction at both ends is so all the way.
+#[inline]
+pub(super) fn distance_on_paths(
+    kind: Kind,
+    (start, end): (&[Vec3A; 4], Option<&[Vec3A; 4]>),
+    is_far: impl Fn(f32) -> bool,
+) -> Option<(f32, Vec3A)> {
+    let rounding = rounding_of(start).max(end.map_or(0.0, rounding_of));
+    let along = |direction: Vec3A| {
+        let least = apart_along(kind, start, direction);
+        end.map_or(least, |end| least.min(apart_along(kind, end, direction))) - rounding
+    };
+    if is_far(along(between_centres(kind, start))) {
+        return None;
+    }
+    let mut found = direction(kind, start);
+    let at_the_start = apart_along(kind, start, found) - rounding;
+    let mut distance = end.map_or(at_the_start, |_| along(found));
+    if let Some(end) = end.filter(|_| distance < 0.9 * at_the_start && !is_far(at_the_start)) {
+        let at_the_end = direction(kind, end);
+        let other = along(at_the_end);
+        if other > distance {
+            (distance, found) = (other, at_the_end);
+        }
+    }
+    (!is_far(distance)).then_some((distance, found))
 }
 
 /// The straight paths of the corners of a pair.

@@ -42,6 +42,8 @@ pub(super) struct Primitives {
     pub covered: Vec<bool>,
     /// The slots of the particles that are spheres still.
     pub balls: Vec<u32>,
+    /// By slot: the number of its body, and behind these of its ball.
+    pub body_of: Vec<u32>,
     pub forest: Forest,
     pub near: Near,
     /// Whether there is anything but spheres.
@@ -123,6 +125,13 @@ impl Primitives {
         self.balls.extend((0..count as u32).filter(is_ball));
         let items = items(edges.iter().copied(), &triangles, count);
         self.forest.build(items, count);
+        self.body_of.clear();
+        self.body_of.resize(count, 0);
+        for (number, body) in (0..).zip(&self.forest.bodies) {
+            self.forest.vertices_of(body).iter().for_each(|slot| self.body_of[*slot as usize] = number);
+        }
+        let balls = (self.forest.bodies.len() as u32..).zip(&self.balls);
+        balls.for_each(|(number, slot)| self.body_of[*slot as usize] = number);
     }
 
     /// Finds the paths along the mesh that are short.

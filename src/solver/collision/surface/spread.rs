@@ -9,20 +9,14 @@ use super::search::Moving;
 use super::tree::Box3;
 use crate::solver::particles::Vectors;
 
-/// The skin of a slow vertex, as a fraction of its radius.
-const SKIN: f32 = 0.6;
-
-/// The skin of a fast vertex: a multiple of its displacement in the substep of the search, but at most one of its radius.
-const FAST_SKIN: [f32; 2] = [4.0, 6.0];
-
-/// How far a vertex may be from its path, as a part of its radius.
-const SWEPT_SKIN: f32 = 0.1;
-
 /// Number of substeps for which the box of a body is to hold at the velocity in the search.
 const BODY_SUBSTEPS: f32 = 16.0;
 
 /// Margin of the box of a body on each side, as a fraction of its size.
 const BODY_MARGIN: f32 = 0.1;
+
+/// Number of vertices of a body, at most, of which the mean displacement is that of the body.
+const SAMPLES: usize = 8;
 
 /// Rounding, as a part of a coordinate.
 const ROUNDING: f32 = 4e-7;
@@ -30,7 +24,7 @@ const ROUNDING: f32 = 4e-7;
 /// The boxes of what the vertices of a body have done.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spread {
-    /// Their displacements from their origins at the start of the substep, and at its end, m.
+    /// How far they are from where they are expected, at the start of the substep and at its end, m.
     displacement: [Box3; 2],
     /// Their positions at both, m.
     pub position: Box3,
@@ -38,9 +32,9 @@ pub(super) struct Spread {
 
 impl Spread {
     /// That of the vertices in some ranges of slots; those that are nowhere (NaN) are left out.
-    pub fn of(runs: &[Range<u32>], moving: Moving, origins: [&Vectors; 2]) -> Self {
+    pub fn of(runs: &[Range<u32>], moving: Moving, expected: [&Vectors; 2]) -> Self {
         let mut ends = [[[f32::INFINITY, f32::NEG_INFINITY]; 3]; 3];
-        pulp::Arch::new().dispatch(Extremes { runs, moving, origins, ends: &mut ends });
+        pulp::Arch::new().dispatch(Extremes { runs, moving, expected, ends: &mut ends });
         let box_of = |ends: [[f32; 2]; 3]| {
             let [least, most] = [0, 1].map(|side| Vec3A::from_array(ends.map(|axis| axis[side])));
             Box3 { least, most }
@@ -49,15 +43,7 @@ impl Spread {
         Self { displacement: [start, end], position }
     }
 
-    /// The displacement that they have in common, at the start and at the end, m.
-    pub fn drift(&self) -> [Vec3A; 2] {
-        self.displacement.map(|all| {
-            let middle = 0.5 * (all.least + all.most);
-            if middle.is_finite() { middle } else { Vec3A::ZERO }
-        })
-    }
-
-    /// How far any is from where it was, at most: with what they have in common taken off, and without; m.
+    /// How far any is from where it is expected, at most: with what they have in common taken off, and without; m.
     pub fn farthest(&self) -> [f32; 2] {
         let within = self.displacement.map(|all| 0.5 * (all.most - all.least).length());
         let world = self.displacement.map(|all| all.most.abs().max(all.least.abs()).length());
@@ -65,11 +51,26 @@ impl Spread {
     }
 }
 
+/// About what some vertices have in common, at the start and at the end, m: the mean of some of them, which a few that are hit do not change much.
+/// Whatever it is, what holds with it taken off holds.
+pub(super) fn drift_of(vertices: &[u32], moving: Moving, expected: [&Vectors; 2]) -> [Vec3A; 2] {
+    let sample = vertices.iter().step_by(vertices.len().div_ceil(SAMPLES).max(1));
+    let (mut sums, mut count) = ([Vec3A::ZERO; 2], 0.0);
+    for slot in sample.map(|slot| *slot as usize) {
+        let ends = moving.ends(slot);
+        let far = [0, 1].map(|side| ends[side] - Vec3A::from(expected[side].get(slot)));
+        if (far[0] + far[1]).is_finite() {
+            (sums, count) = ([sums[0] + far[0], sums[1] + far[1]], count + 1.0);
+        }
+    }
+    if count > 0.0 { sums.map(|sum| sum / count) } else { sums }
+}
+
 /// Finds the extremes of displacements and positions, by axis.
 struct Extremes<'a> {
     runs: &'a [Range<u32>],
     moving: Moving<'a>,
-    origins: [&'a Vectors; 2],
+    expected: [&'a Vectors; 2],
     ends: &'a mut [[[f32; 2]; 3]; 3],
 }
 
@@ -78,8 +79,8 @@ impl pulp::WithSimd for Extremes<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { runs, moving, origins, ends } = self;
-        let arrays = [moving.start, moving.end, origins[0], origins[1]].map(|vectors| vectors.axes());
+        let Self { runs, moving, expected, ends } = self;
+        let arrays = [moving.start, moving.end, expected[0], expected[1]].map(|vectors| vectors.axes());
         for axis in 0..3 {
             let mut least = [simd.splat_f32s(f32::INFINITY); 3];
             let mut most = [simd.splat_f32s(f32::NEG_INFINITY); 3];
@@ -117,11 +118,11 @@ impl pulp::WithSimd for Extremes<'_> {
     }
 }
 
-/// Finds how far each vertex is from its origins at the start and at the end of a substep.
+/// Finds how far each vertex is from where it is expected at the start and at the end of a substep.
 pub(super) struct EachMoved<'a> {
     pub runs: &'a [Range<u32>],
     pub moving: Moving<'a>,
-    pub origins: [&'a Vectors; 2],
+    pub expected: [&'a Vectors; 2],
     /// What is taken off, at the start and at the end, m.
     pub drift: [Vec3A; 2],
     /// How far each may be, by slot, and by how much farther, m.
@@ -137,12 +138,12 @@ impl pulp::WithSimd for EachMoved<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { runs, moving, origins, drift, limits: (limits, slack), moved, is_beyond } = self;
+        let Self { runs, moving, expected, drift, limits: (limits, slack), moved, is_beyond } = self;
         let drift = drift.map(|drift| drift.to_array());
         let mut excess = simd.splat_f32s(0.0);
         for run in runs {
             let run = run.start as usize..run.end as usize;
-            let places = [moving.start, moving.end, origins[0], origins[1]].map(|vectors| vectors.axes());
+            let places = [moving.start, moving.end, expected[0], expected[1]].map(|vectors| vectors.axes());
             let [start, end, before, after] =
                 places.map(|axes| axes.map(|axis| S::as_simd_f32s(&axis[run.clone()])));
             let sides = [(start, before), (end, after)];
@@ -180,40 +181,16 @@ impl pulp::WithSimd for EachMoved<'_> {
     }
 }
 
-/// The margin of a vertex of a `radius` that moves by `displacement`: how far it may get from the first of two places, m; and the box in which it
-/// is then, with its radius and half of the `margin`, the distance from touching up to which pairs are wanted, m.
+/// The box in which a vertex of a `radius` is on a path, and up to `limit` m from it, with its radius and half of the `margin`, the distance from
+/// touching up to which pairs are wanted, m.
 #[inline(always)]
-pub(super) fn margin_of(ends: [Vec3A; 2], displacement: Vec3A, (radius, margin): (f32, f32)) -> (f32, Box3) {
-    if !(ends[0] + ends[1]).is_finite() {
-        return (0.0, Box3::NOTHING);
+pub(super) fn box_of_path([start, end]: [Vec3A; 2], limit: f32, (radius, margin): (f32, f32)) -> Box3 {
+    if !(start + end).is_finite() {
+        return Box3::NOTHING;
     }
-    let displacement = displacement.length();
-    let skin = (SKIN * radius).max((FAST_SKIN[0] * displacement).min(FAST_SKIN[1] * radius));
-    let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
-    let limit = displacement + skin + f32::MIN_POSITIVE;
-    let reach = Vec3A::splat(radius + limit + 0.5 * margin + rounding);
-    (limit, Box3 { least: ends[0] - reach, most: ends[0] + reach })
-}
-
-/// The same where it follows its path: how far it may get from there, m; and the box of the path.
-#[inline(always)]
-pub(super) fn swept_margin_of(
-    ends: [Vec3A; 2],
-    displacement: Vec3A,
-    (radius, margin): (f32, f32),
-) -> (f32, Box3) {
-    if !(ends[0] + ends[1]).is_finite() {
-        return (0.0, Box3::NOTHING);
-    }
-    let limit = SWEPT_SKIN * radius + f32::MIN_POSITIVE;
-    let rounding = ROUNDING * ends[0].abs().max(ends[1].abs()).max_element();
-    let (least, most) = (ends[0].min(ends[0] + displacement), ends[0].max(ends[0] + displacement));
-    (limit, Box3 { least, most }.grown(radius + limit + 0.5 * margin + rounding))
-}
-
-/// How far a vertex that hardly moves may get, m.
-pub(super) fn slow_limit(radius: f32) -> f32 {
-    SKIN * radius
+    let rounding = ROUNDING * start.abs().max(end.abs()).max_element();
+    let (least, most) = (start.min(end), start.max(end));
+    Box3 { least, most }.grown(radius + limit + 0.5 * margin + rounding)
 }
 
 /// The box of a body, enlarged for some substeps in each of which it moves by `displacement`: while it overlaps no other one, nothing else has to

@@ -130,6 +130,7 @@ impl Surfaces {
         let Self { search, primitives, start, end, .. } = self;
         let StepSettings { time_step, gravity, .. } = *settings;
         start.copy_from(&particles.position);
+        search.begin_substep(start);
         // All of it is overwritten.
         end.copy_from(start);
         for slot in 0..particles.len() {
@@ -146,10 +147,10 @@ impl Surfaces {
         let within =
             forest.bodies.iter().any(|body| several(islands, forest.vertices_of(body)).next().is_some());
         search.ensure_candidates(primitives, moving, (properties, reach, within));
-        for candidate in search.candidates.iter().filter(|candidate| within || !candidate.is_within) {
+        for (candidate, least) in search.holding().filter(|(candidate, _)| within || !candidate.is_within) {
             let most = (1.0 + CONTACT_HYSTERESIS) * candidate.largest_reach() + margin;
             let mut pairs = several(islands, &candidate.slots).peekable();
-            if pairs.peek().is_none() || search.least_distance_of(candidate) > most {
+            if pairs.peek().is_none() || least > most {
                 continue;
             }
             let paths = candidate.paths(moving);

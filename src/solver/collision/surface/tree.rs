@@ -230,9 +230,9 @@ impl Forest {
         &self.vertices[body.vertices.start as usize..body.vertices.end as usize]
     }
 
-    /// Fits the boxes of a body's nodes, `boxes` by node, to those of its vertices, by slot.
-    pub fn fit(&self, body: &MeshBody, vertex: &[Box3], boxes: &mut [Box3]) {
-        for node in body.nodes.clone().rev().map(|node| node as usize) {
+    /// Fits the boxes of the nodes that are `wanted`, `boxes` by node, to those of their vertices, by slot.
+    pub fn fit(&self, wanted: impl Fn(usize) -> bool, vertex: &[Box3], boxes: &mut [Box3]) {
+        for node in (0..self.nodes.len()).rev().filter(|node| wanted(*node)) {
             let Node { second, is_leaf } = self.nodes[node];
             boxes[node] = match is_leaf {
                 true => {

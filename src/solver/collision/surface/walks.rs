@@ -4,10 +4,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bevy::math::Vec3A;
 
+use super::lanes::Lanes;
+use super::order::path_to;
 use super::pair_collector::{PairCollector, PairQuery, is_one_family};
 use super::search::Candidate;
 use super::spread::enlarged;
-use super::tree::{Box3, Forest};
+use super::tree::{Box3, Forest, Node};
 use crate::solver::parallel;
 
 /// Number of tasks of a part of the work.
@@ -33,6 +35,9 @@ enum Task {
 pub(super) struct Walks {
     /// The boxes of nodes, with their body and in the world.
     nodes: [Vec<Box3>; 2],
+    /// By node: whether a vertex in it has begun anew in the last renewal.
+    is_fresh: Vec<bool>,
+    lanes: Lanes,
     /// By body: its box, where it has been.
     pub body_boxes: Vec<Box3>,
     order: Vec<(f32, u32)>,
@@ -46,7 +51,7 @@ pub(super) struct Walks {
 }
 
 impl Walks {
-    /// Finds the pairs with overlapping boxes, in an order that follows from the mesh alone; false, and none, where
+    /// Finds all pairs with overlapping boxes, in an order that follows from the mesh alone; false, and none, where
     /// there are `limit` or more.
     /// The `boxes` are those of vertices, by slot, with their body and in the world. By body: in how many `frames` it is near something,
     /// 1 or 0 if it has diverged, to which those are added that have a partner; and its displacement as a whole, m.
@@ -57,27 +62,62 @@ impl Walks {
         (frames, drifts): (&mut [usize], &[Vec3A]),
         candidates: &mut Vec<Candidate>,
     ) -> bool {
-        self.limit = limit;
-        let PairQuery { primitives, moving, .. } = query;
-        let forest = &primitives.forest;
-        self.fit(query, boxes, drifts);
+        let forest = &query.primitives.forest;
+        self.fit(query, boxes);
+        self.body_boxes.clear();
+        let roots = forest.bodies.iter().map(|body| self.nodes[1][body.nodes.start as usize]);
+        self.body_boxes.extend(roots.zip(drifts).map(|(root, displacement)| enlarged(root, *displacement)));
+        self.find_partners(query, &boxes[1], frames);
+        let bodies = frames.len() as u32;
+        for body in self.partners.iter().flatten().filter(|body| **body < bodies) {
+            frames[*body as usize] = 2;
+        }
         candidates.clear();
+        self.walk_all((query, limit), boxes, frames, candidates);
+        let is_overfull = candidates.len() >= limit;
+        if is_overfull {
+            candidates.clear();
+        }
+        !is_overfull
+    }
+
+    /// Appends the pairs of what has begun anew since all were found, with other boxes; false where there are `limit` or more.
+    pub fn find_renewed(
+        &mut self,
+        (query, limit): (PairQuery, usize),
+        boxes: &[Vec<Box3>; 2],
+        frames: &[usize],
+        candidates: &mut Vec<Candidate>,
+    ) -> bool {
+        self.fit(query, boxes);
+        self.walk_all((query, limit), boxes, frames, candidates);
+        candidates.len() < limit
+    }
+
+    fn walk_all(
+        &mut self,
+        (query, limit): (PairQuery, usize),
+        boxes: &[Vec<Box3>; 2],
+        frames: &[usize],
+        candidates: &mut Vec<Candidate>,
+    ) {
+        let PairQuery { primitives, particles, displacements, .. } = query;
+        let forest = &primitives.forest;
+        self.limit = limit;
         self.tasks.clear();
-        let families = moving.particles.families();
-        for (body, _) in forest.bodies.iter().zip(&*frames).filter(|(_, frames)| **frames > 0) {
+        self.lanes.begin(primitives, displacements);
+        let families = particles.families();
+        for (body, _) in forest.bodies.iter().zip(frames).filter(|(_, frames)| **frames > 0) {
             if !is_one_family(forest.vertices_of(body), families) {
                 self.walk([body.nodes.start; 2], true, (query, boxes, candidates));
             }
         }
-        self.find_partners(query, &boxes[1], frames);
         let partners = std::mem::take(&mut self.partners);
         let bodies = forest.bodies.len() as u32;
         for [one, other] in partners.iter().copied() {
-            frames[one as usize] = 2;
             let root = forest.bodies[one as usize].nodes.start;
             match other.checked_sub(bodies) {
                 None => {
-                    frames[other as usize] = 2;
                     let other = forest.bodies[other as usize].nodes.start;
                     self.walk([root, other], false, (query, boxes, candidates));
                 }
@@ -88,23 +128,23 @@ impl Walks {
         }
         self.partners = partners;
         self.work((query, boxes, candidates));
-        let is_overfull = candidates.len() >= limit;
-        if is_overfull {
-            candidates.clear();
-        }
-        !is_overfull
     }
 
-    /// Fits all boxes.
-    fn fit(&mut self, PairQuery { primitives, .. }: PairQuery, boxes: &[Vec<Box3>; 2], drifts: &[Vec3A]) {
+    /// Finds the nodes of what has begun anew, and fits their boxes.
+    fn fit(&mut self, PairQuery { primitives, displacements, .. }: PairQuery, boxes: &[Vec<Box3>; 2]) {
+        let Self { nodes, is_fresh, .. } = self;
         let forest = &primitives.forest;
-        for (frame, boxes) in boxes.iter().enumerate() {
-            self.nodes[frame].resize(forest.nodes.len(), Box3::NOTHING);
-            forest.bodies.iter().for_each(|body| forest.fit(body, boxes, &mut self.nodes[frame]));
+        is_fresh.resize(forest.nodes.len(), false);
+        for (number, Node { second, is_leaf }) in forest.nodes.iter().enumerate().rev() {
+            is_fresh[number] = match is_leaf {
+                true => displacements.any_renewed(forest.corners_of(&forest.clusters[*second as usize])),
+                false => is_fresh[number + 1] || is_fresh[*second as usize],
+            };
         }
-        self.body_boxes.clear();
-        let roots = forest.bodies.iter().map(|body| self.nodes[1][body.nodes.start as usize]);
-        self.body_boxes.extend(roots.zip(drifts).map(|(root, displacement)| enlarged(root, *displacement)));
+        for (nodes, boxes) in nodes.iter_mut().zip(boxes) {
+            nodes.resize(forest.nodes.len(), Box3::NOTHING);
+            forest.fit(|node| is_fresh[node], boxes, nodes);
+        }
     }
 
     /// Finds the pairs of bodies, and of bodies and balls, with overlapping boxes.
@@ -158,7 +198,10 @@ impl Walks {
             if candidates.len() >= self.limit {
                 return;
             }
-            let Self { stack, tasks, nodes, .. } = self;
+            let Self { stack, tasks, nodes, is_fresh, .. } = self;
+            if !is_fresh[one as usize] && !is_fresh[other as usize] {
+                continue;
+            }
             let nodes = &nodes[usize::from(!is_within)];
             let [first, second] = [one, other].map(|node| forest.nodes[node as usize]);
             if one == other {
@@ -195,7 +238,7 @@ impl Walks {
         self.stack.clear();
         self.stack.push([root; 2]);
         while let Some([node, _]) = self.stack.pop() {
-            if !self.nodes[1][node as usize].overlaps(&own) {
+            if !self.is_fresh[node as usize] || !self.nodes[1][node as usize].overlaps(&own) {
                 continue;
             }
             let second = forest.nodes[node as usize].second;
@@ -208,8 +251,18 @@ impl Walks {
 
     /// Does all tasks, and appends the pairs in their order.
     fn work(&mut self, (query, boxes, candidates): (PairQuery, &[Vec<Box3>; 2], &mut Vec<Candidate>)) {
-        let Self { tasks, parts, .. } = self;
-        let forest = &query.primitives.forest;
+        let Self { tasks, parts, lanes, nodes: around, .. } = self;
+        let PairQuery { primitives, particles, displacements, .. } = query;
+        let forest = &primitives.forest;
+        for task in &*tasks {
+            if let Task::Leaves { nodes, .. } = task {
+                let numbers = nodes.map(|node| forest.nodes[node as usize].second);
+                numbers
+                    .iter()
+                    .for_each(|number| lanes.fill(*number, (primitives, particles.radius()), displacements));
+            }
+        }
+        let lanes = &*lanes;
         let (most, count) = (self.limit, AtomicUsize::new(candidates.len()));
         let cluster = |node: u32| forest.nodes[node as usize].second;
         let number = tasks.len().div_ceil(PART);
@@ -222,13 +275,23 @@ impl Walks {
             if count.load(Ordering::Relaxed) >= most {
                 return;
             }
-            let mut collector = PairCollector { query, candidates: found };
+            let mut collector = PairCollector { query, lanes, path: 0, candidates: found };
+            let root = |node: u32| {
+                let corner = forest.corners_of(&forest.clusters[cluster(node) as usize])[0];
+                forest.bodies[primitives.body_of[corner as usize] as usize].nodes.start
+            };
             for task in tasks {
                 match *task {
                     Task::Leaves { nodes, is_within } => {
-                        collector.test_clusters(nodes.map(cluster), is_within);
+                        collector.path = path_to(nodes.map(root), nodes, forest);
+                        let frame = usize::from(!is_within);
+                        let around = nodes.map(|node| around[frame][node as usize]);
+                        collector.test_clusters(nodes.map(cluster), is_within, around, &boxes[frame]);
                     }
-                    Task::Ball { slot, node } => collector.test_ball(slot, cluster(node), &boxes[1]),
+                    Task::Ball { slot, node } => {
+                        collector.path = path_to([root(node), node], [node; 2], forest);
+                        collector.test_ball(slot, cluster(node), &boxes[1]);
+                    }
                 }
             }
             count.fetch_add(collector.candidates.len(), Ordering::Relaxed);

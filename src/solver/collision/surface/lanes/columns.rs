@@ -5,7 +5,7 @@ use std::ops::Range;
 /// Numbers by primitive, as many for each cluster.
 #[derive(Debug, Clone)]
 pub(super) struct Columns<const AXES: usize> {
-    /// At the start of the substep, and at its end where paths are followed, m.
+    /// At the start of their paths, and at the end where there are any, m.
     places: [[Vec<f32>; AXES]; 2],
     /// By frame: its radius and how far it may get, m; −∞ where there is none.
     pub reaches: [Vec<f32>; 2],
@@ -20,10 +20,12 @@ impl<const AXES: usize> Default for Columns<AXES> {
 impl<const AXES: usize> Columns<AXES> {
     pub fn resize(&mut self, count: usize) {
         self.places.iter_mut().flatten().for_each(|axis| axis.resize(count, 0.0));
-        self.reaches.iter_mut().for_each(|reaches| {
-            reaches.clear();
-            reaches.resize(count, f32::NEG_INFINITY);
-        });
+        self.reaches.iter_mut().for_each(|reaches| reaches.resize(count, f32::NEG_INFINITY));
+    }
+
+    /// There are none in some places.
+    pub fn clear_reaches(&mut self, places: Range<usize>) {
+        self.reaches.iter_mut().for_each(|reaches| reaches[places.clone()].fill(f32::NEG_INFINITY));
     }
 
     pub fn set(&mut self, place: usize, side: usize, numbers: [f32; AXES]) {

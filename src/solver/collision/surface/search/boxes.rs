@@ -4,13 +4,25 @@ use bevy::math::Vec3A;
 
 use super::super::pair::{CLOSE_PART, MIN_DISTANCE_PART};
 use super::super::primitives::Primitives;
-use super::super::spread::{Spread, margin_of, slow_limit, swept_margin_of};
+use super::super::spread::box_of_path;
+use super::super::steps::Steps;
 use super::super::tree::Box3;
-use super::{Moving, Search, has_diverged};
+use super::{BALL, Displacements, Moving, Search, has_diverged};
 
-/// Only lists of a search that allowed for fast motion are rebuilt with age: its limits were, on average, wider than those of vertices at
-/// rest by this factor. A new search at narrow margins would find as many pairs again.
-const MIN_WIDENING: f32 = 1.5;
+/// For how many substeps vertices are expected to go on, at most.
+const SUBSTEPS: u32 = 8;
+
+/// How far they are expected to go then, at most, with their body and in the world: a multiple of their radius, on average.
+const MAX_PATHS: [f32; 2] = [16.0, 48.0];
+
+/// How far a vertex may get until its pairs are looked for again, as a part of its radius.
+const SKIN: f32 = 0.6;
+
+/// By how many times as much as in the substep of the search a vertex may be off where it is expected, and by its skin.
+const DEVIATIONS: f32 = 2.0;
+
+/// The skin in a search for one substep.
+const SHORT_SKIN: f32 = 0.1;
 
 /// By how much vertices may be beyond their limits where pairs are wanted only to stop what would pass through something, as a part of their
 /// radius: what is not known then is not nearer than 1 − 0.8 of the distance at which it touches, and what is stopped is nearer than that.
@@ -19,48 +31,44 @@ const STOP_SLACK: f32 = 0.8;
 const _: () = assert!(STOP_SLACK < 1.0 - (1.0 + CLOSE_PART) * MIN_DISTANCE_PART);
 
 impl Search {
-    /// Computes the margins and boxes of the vertices, with room for ways within bodies if these are wanted, or for the paths of the
-    /// substep only. By how much wider the limits are than those of vertices at rest, on average.
+    /// Computes the limits and boxes of the vertices, for paths of one substep if they are to be `short`, else of several, with room for ways within
+    /// bodies if these are wanted.
     pub(super) fn make_boxes(
         &mut self,
         primitives: &Primitives,
         moving: Moving,
-        (within, is_swept): (bool, bool),
-    ) -> f32 {
-        let Self { displacements, boxes, frames, drifts, largest, slacks, all_finite, .. } = self;
-        *all_finite = true;
+        (within, is_short): (bool, bool),
+    ) {
+        let Self { displacements, boxes, frames, drifts, largest, slacks, margins, places, .. } = self;
         let (forest, radius) = (&primitives.forest, moving.particles.radius());
-        displacements.begin(moving, forest.bodies.len(), is_swept);
+        let steps = if is_short { Steps::of_moving(moving) } else { Steps::of_places(places) };
+        drifts.clear();
+        drifts.extend(forest.bodies.iter().map(|body| {
+            let step = |slot: usize| steps.of(slot).into();
+            Vec3A::from(Primitives::mean(forest.vertices_of(body), step))
+        }));
+        self.substeps = if is_short { 1 } else { substeps_of((primitives, radius), steps, drifts) };
+        displacements.begin(moving, forest.bodies.len(), (steps, self.substeps));
         boxes.iter_mut().for_each(|boxes| boxes.resize(moving.particles.len(), Box3::NOTHING));
         frames.clear();
-        drifts.clear();
         largest.clear();
         slacks.clear();
-        let margins = self.margins;
-        // All limits, and what they would be of slow vertices, m.
-        let mut sums = [0.0; 2];
-        let mut place = |slot: usize, displacement: Vec3A, frame: usize| {
-            let size = (radius[slot], margins[frame]);
-            let (limit, place) = match is_swept {
-                true => swept_margin_of(moving.ends(slot), displacement, size),
-                false => margin_of(moving.ends(slot), displacement, size),
-            };
-            boxes[frame][slot] = place;
-            *all_finite &= place.is_some();
-            (sums[0], sums[1]) = (sums[0] + limit, sums[1] + slow_limit(radius[slot]));
-            limit
+        let skin = if is_short { SHORT_SKIN } else { SKIN };
+        let place = |displacements: &mut Displacements, body: u32, slot: usize| {
+            let far = displacements.distances((body, slot), moving);
+            for (frame, [_, end]) in far.into_iter().enumerate() {
+                let end = if within || frame == 1 { end } else { 0.0 };
+                displacements
+                    .limit((body, slot, frame), DEVIATIONS * end + skin * radius[slot] + f32::MIN_POSITIVE);
+            }
         };
         for (number, body) in forest.bodies.iter().enumerate() {
-            let spread = Spread::of(&body.runs, moving, [&displacements.origins; 2]);
+            displacements.find_drift(number, primitives, moving);
+            let spread = displacements.spread(number, primitives, moving);
             frames.push(usize::from(!has_diverged(primitives, number, &spread, moving)));
-            let [_, drift] = spread.drift();
             let (mut thickest, mut thinnest) = (0.0_f32, f32::INFINITY);
             for slot in forest.vertices_of(body).iter().map(|slot| *slot as usize) {
-                let [start, end] = moving.ends(slot);
-                let own = if within { end - start - drift } else { Vec3A::ZERO };
-                for (frame, displacement) in [own, end - start].into_iter().enumerate() {
-                    displacements.limit((number, slot, frame), place(slot, displacement, frame));
-                }
+                place(displacements, number as u32, slot);
                 (thickest, thinnest) = (thickest.max(radius[slot]), thinnest.min(radius[slot]));
             }
             // The distance of two sides is that of their thickest corners, which boxes of the others do not keep. Neighbours touch at half of
@@ -68,15 +76,56 @@ impl Search {
             let slack = (thinnest - (1.0 - STOP_SLACK) * thickest).max(0.0);
             slacks.push(slack.min(STOP_SLACK * 0.25 * primitives.shortest_link));
             largest.push(thickest + 0.5 * margins[1]);
-            drifts.push(drift);
         }
-        for slot in primitives.balls.iter().map(|slot| *slot as usize) {
-            let [start, end] = moving.ends(slot);
-            displacements.limits[1][slot] = place(slot, end - start, 1);
+        primitives.balls.iter().for_each(|slot| place(displacements, BALL, *slot as usize));
+        self.all_finite = true;
+        for (number, body) in forest.bodies.iter().enumerate() {
+            for slot in forest.vertices_of(body) {
+                self.place_box(moving, (number as u32, *slot as usize));
+            }
         }
-        self.is_wide = sums[0] > MIN_WIDENING * sums[1];
-        sums[0] / sums[1]
+        primitives.balls.iter().for_each(|slot| self.place_box(moving, (BALL, *slot as usize)));
     }
+
+    /// Has those that are beyond their limits begin anew, with boxes about where they are.
+    pub(super) fn renew_boxes(&mut self, moving: Moving) {
+        let (radius, steps) = (moving.particles.radius(), Steps::of_places(&self.places));
+        self.displacements.renew(moving, |slot| steps.of(slot), |slot| SKIN * radius[slot]);
+        for place in 0..self.displacements.beyond.len() {
+            let (body, slot) = self.displacements.beyond[place];
+            self.place_box(moving, (body, slot as usize));
+        }
+    }
+
+    /// Makes the boxes of a vertex of a body: with its body those of its path without what is common to the body.
+    fn place_box(&mut self, moving: Moving, (body, slot): (u32, usize)) {
+        let Self { displacements, boxes, drifts, margins, substeps, all_finite, .. } = self;
+        let drift = drifts.get(body as usize).copied().unwrap_or_default();
+        let path = displacements.path(slot);
+        let gone = [*substeps - displacements.substeps_left(), *substeps];
+        let own = [0, 1].map(|end| path[end] - gone[end] as f32 * drift);
+        let radius = moving.particles.radius()[slot];
+        for (frame, path) in [own, path].into_iter().enumerate() {
+            let limit = displacements.limits[frame][slot];
+            boxes[frame][slot] = box_of_path(path, limit, (radius, margins[frame]));
+            *all_finite &= boxes[frame][slot].is_some() && moving.end.get(slot).is_finite();
+        }
+    }
+}
+
+/// For how many substeps vertices are expected to go on: as long as they go by a few of their radii.
+fn substeps_of((primitives, radius): (&Primitives, &[f32]), steps: Steps, drifts: &[Vec3A]) -> u32 {
+    let (mut thickness, mut own, mut all) = (0.0, 0.0, 0.0);
+    for (body, drift) in primitives.forest.bodies.iter().zip(drifts) {
+        for slot in primitives.forest.vertices_of(body).iter().map(|slot| *slot as usize) {
+            let step = steps.of(slot);
+            thickness += radius[slot];
+            own += (step - *drift).length();
+            all += step.length();
+        }
+    }
+    let most = (MAX_PATHS[0] * thickness / own).min(MAX_PATHS[1] * thickness / all);
+    (most as u32).clamp(1, SUBSTEPS)
 }
 
 #[cfg(test)]
@@ -175,12 +224,47 @@ mod tests {
             let touching = nearest(&primitives, moving, 1.0);
             let mut search = Search { sweeps, ..Search::default() };
             search.ensure(&primitives, moving, (&[], Some(0.0)));
-            assert_eq!(search.displacements.is_swept, sweeps > 0);
+            assert_eq!(search.is_short, sweeps > 0);
             let known = known(&search);
             assert!(known.is_superset(&touching), "{:?}", touching.difference(&known));
             assert!(touching.len() > 20, "{}", touching.len());
             assert!(sweeps == 0 || known.len() < 4 * touching.len(), "{} of {}", touching.len(), known.len());
         }
+    }
+
+    /// Vertices fly on, and a few of them are hit in each substep: only their pairs are found again, until they are many.
+    #[test]
+    fn what_is_hit_is_found_again() {
+        let (primitives, mut particles, end) = crowd(0.02);
+        let mut velocity: Vec<Vec3> =
+            (0..particles.len()).map(|slot| end.get(slot) - particles.position.get(slot)).collect();
+        let (mut search, mut seed) = (Search::default(), 3);
+        // They have flown so before, too.
+        let mut before = particles.position.clone();
+        (0..before.len()).for_each(|slot| before.set(slot, before.get(slot) - velocity[slot]));
+        search.begin_substep(&before);
+        let mut renewals = 0;
+        for substep in 0..40 {
+            let start = particles.position.clone();
+            // Not of balls, with one of which all begins anew.
+            let all = (4 * SIDE * SIDE) as usize;
+            let slot = ((random(&mut seed) + 1.0) * 0.5 * all as f32) as usize % all;
+            velocity[slot] = 0.03 * random_vector(&mut seed);
+            let mut end = start.clone();
+            for (slot, velocity) in velocity.iter().enumerate() {
+                end.set(slot, start.get(slot) + *velocity);
+            }
+            search.begin_substep(&start);
+            let before = search.displacements.renewal;
+            let moving = Moving { start: &start, end: &end, particles: &particles };
+            search.ensure(&primitives, moving, (&[], Some(0.0)));
+            renewals += u32::from(search.age > 0 && search.displacements.renewal > before);
+            let (touching, known) = (nearest(&primitives, moving, 1.0), known(&search));
+            assert!(known.is_superset(&touching), "{substep}: {:?}", touching.difference(&known));
+            assert_eq!(known.len(), search.near().len(), "{substep}: some twice");
+            particles.position.copy_from(&end);
+        }
+        assert!(renewals > 10, "{renewals}");
     }
 
     #[test]
