@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn whatever_a_search_allows_for_it_knows_all_that_touches_in_the_substep() {
-        for (sweeps, speed) in [(0, 0.02), (SWEEPS, 1.0)] {
+        for (sweeps, speed) in [(0, 0.002), (SWEEPS, 1.0)] {
             let (primitives, particles, end) = crowd(speed);
             let moving = Moving { start: &particles.position, end: &end, particles: &particles };
             let touching = nearest(&primitives, moving, 1.0);
